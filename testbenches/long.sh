@@ -45,7 +45,19 @@ done
 printf '\n== models on hundreds of PEs (%d s)\n' "$SECONDS"
 PE_LONG=1 cargo test --workspace --locked --quiet --test stages -- full_size:: library:: signals:: --nocapture || failed+=(stages)
 
-printf '\n== wrappers behind an independent bus master (%d s)\n' "$SECONDS"
+# 1,000 neurons with 100 synapses each: every spike of the run in double precision is one of an independent simulation, and a
+# design is judged by its rates.
+cortex() {
+  rm -rf "$out/cortex" && cp -r models/cortex "$out/cortex" && cd "$out/cortex" || return 1
+  python3 generate.py 1000 100 || return 1
+  "$pe_synth" sim cortex.spec --set n=1000 --double -o sim.csv && python3 compare.py sim.csv 1 || return 1
+  "$pe_synth" compile cortex.spec --set n=1000 --judge events --pes 128 --no-pictures -o design || return 1
+}
+
+printf '\n== a network of 1,000 neurons (%d s)\n' "$SECONDS"
+(cortex) || failed+=(cortex)
+
+printf '\n== wrappers behind an independent bus master (%d s)\n'  "$SECONDS"
 for number in 1 2 3; do
   PE_SYNTH=$pe_synth "$target/venv/bin/python" testbenches/axi/run.py --all --seed "$((seed + number))" || failed+=("axi-$number")
 done

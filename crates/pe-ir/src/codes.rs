@@ -135,6 +135,8 @@ codes! {
     COMES_APART = "E0926", "mechanism comes apart";
     BRANCH_LEFT = "E0927", "mechanism leaves its branch";
     DELAY_STEPS = "E0930", "delay and step do not fit together";
+    NO_EVENTS = "E0931", "no events to judge by";
+    EVENTS_DIFFER = "E0932", "events come at another rate";
 
     VHDL_SYNTAX = "E1001", "VHDL that cannot be read";
     NO_ENTITY = "E1002", "no such entity";
@@ -201,6 +203,8 @@ codes! {
     GUARD_LEFT_OUT = "W0928", "choice against 0/0 left out";
     START_MOVED = "W0932", "initial values moved";
     CLOSURES_OPEN = "W0933", "closures open";
+    EVENTS_APART = "W0937", "rates of events differ";
+    BY_EVENTS = "W0938", "judged by events";
     ROLE_UNKNOWN = "W1001", "role still to be told";
     GENERIC_UNSET = "W1002", "generic still without a value";
     SIGN_DIFFERS = "W1003", "sign other than that of the type";
@@ -225,8 +229,8 @@ pub const GROUPS: &[(&str, &str)] = &[
 ];
 
 /// Errors that the user may turn into warnings, for their result is only doubtful.
-pub const PERMITTABLE: [&str; 7] =
-    [STEP_TOO_LARGE, WORD_TOO_SHORT, POLE_MOVED, INPUT_UNSEEN, INPUT_ALIASED, PULSE_MISSED, BRANCH_LEFT];
+pub const PERMITTABLE: [&str; 8] =
+    [STEP_TOO_LARGE, WORD_TOO_SHORT, POLE_MOVED, INPUT_UNSEEN, INPUT_ALIASED, PULSE_MISSED, BRANCH_LEFT, EVENTS_DIFFER];
 
 /// The long explanation of a code: its section of `docs/diagnostics.md`, heading included. Case does not matter.
 pub fn explain(code: &str) -> Option<&'static str> {

@@ -33,9 +33,44 @@ impl ProofMode {
     }
 }
 
+/// By what the runs of a design are compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum JudgedBy {
+    /// Their states at every step.
+    #[default]
+    Trajectories,
+    /// Numbers of events, and means of states.
+    Events,
+}
+
+impl JudgedBy {
+    /// All of them.
+    pub const ALL: [JudgedBy; 2] = [JudgedBy::Trajectories, JudgedBy::Events];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            JudgedBy::Trajectories => "trajectories",
+            JudgedBy::Events => "events",
+        }
+    }
+
+    /// What it is, in a line of help.
+    pub fn title(self) -> &'static str {
+        match self {
+            JudgedBy::Trajectories => "States at every step",
+            JudgedBy::Events => {
+                "Numbers of events in each array of states, and means: for networks whose trajectories part"
+            }
+        }
+    }
+}
+
 /// What is proven, at what cost, and which refusals are let through.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Criteria {
+    /// What runs are compared by.
+    pub by: JudgedBy,
     /// What is proven beside being measured.
     pub proof: ProofMode,
     /// Bits by which formats may become wider where that proves all ranges.
@@ -46,7 +81,7 @@ pub struct Criteria {
 
 impl Default for Criteria {
     fn default() -> Self {
-        Criteria { proof: ProofMode::default(), widen: Criteria::WIDEN, allow: Vec::new() }
+        Criteria { by: JudgedBy::default(), proof: ProofMode::default(), widen: Criteria::WIDEN, allow: Vec::new() }
     }
 }
 

@@ -25,5 +25,5 @@ pub mod tables;
 pub mod times;
 pub mod total;
 
-pub use criteria::{Criteria, ProofMode};
+pub use criteria::{Criteria, JudgedBy, ProofMode};
 pub use point::{Coefficients, DesignPoint, FormChoice, MOST_STORAGE, default_ports};

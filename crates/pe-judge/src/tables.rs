@@ -16,7 +16,7 @@ use crate::angles;
 use crate::corners;
 use crate::pivots;
 use crate::progress::Progress;
-use crate::runs;
+use crate::runs::{self, Siblings};
 
 /// Steps between two signs of life.
 const STRIDE: u64 = 256;
@@ -100,6 +100,10 @@ const BESIDE_EVENTS: f64 = 0.25;
 /// beside events; none if there are no such.
 fn with_stated(model: &Model, graph: &StepGraph, arguments: &[(f64, f64)]) -> Option<Vec<(f64, f64)>> {
     let mut all = arguments.to_vec();
+    let left_at = runs::left_at(model, graph);
+    if model.has_jumps() {
+        Siblings::of(graph).share(&mut all, |one, other| (one.0.min(other.0), one.1.max(other.1)));
+    }
     for chain in graph.chains.iter().filter(|chain| chain.function.is_some()) {
         let (low, high) = all[chain.write.value.index()];
         if model.has_jumps() && low < high {
@@ -115,6 +119,8 @@ fn with_stated(model: &Model, graph: &StepGraph, arguments: &[(f64, f64)]) -> Op
                 model.algebraics.get(index::at(algebraic)).and_then(|algebraic| algebraic.range)
             }
             Role::Input(input) => model.inputs.get(index::at(input)).and_then(|input| input.range),
+            // Where a method leaves a state that then jumps.
+            Role::Auxiliary(_) => left_at.get(operand).and_then(|state| model.states[*state].range),
             _ => None,
         };
         let Some((low, high)) = range.filter(|_| chain.write.base.is_none() && chain.write.weight == 0) else {

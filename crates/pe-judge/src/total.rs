@@ -11,7 +11,7 @@ use pe_sim::reference::{self, Method, ReferenceError, Solution};
 use crate::conserved::{Conserved, Drift};
 use crate::oscillation::{self, Period};
 use crate::progress::Progress;
-use crate::runs::{Comparison, Exact, Judged, varying_inputs};
+use crate::runs::{Comparison, Difference, Exact, Judged, Tally, varying_inputs};
 
 /// How much looser the tolerance of the second solution is, which tells how far the first can be trusted.
 const LOOSER: f64 = 10.0;
@@ -47,6 +47,8 @@ pub struct Reference {
     conserved: Vec<Conserved>,
     /// States that are angles, each with the length of a turn.
     turns: Vec<(usize, f64)>,
+    /// Times and states of its jumps, and of those of the second method.
+    jumps: [Vec<(f64, StateId)>; 2],
     /// Relative difference to a solution with a tolerance `LOOSER` times as large.
     pub uncertainty: f64,
     /// The method that found it.
@@ -98,6 +100,19 @@ pub struct TotalError {
     pub method: Method,
     /// How far another method agrees with it.
     pub agreement: Result<Agreement, ReferenceError>,
+    /// Events of runs held against those of the solution, where a design is judged by them.
+    pub events: Option<EventsOfSolution>,
+}
+
+/// Differences from the events of the reference solution.
+#[derive(Clone, Debug)]
+pub struct EventsOfSolution {
+    /// Of the run in fixed point.
+    pub fixed: Difference,
+    /// Of the same steps in double precision.
+    pub double: Difference,
+    /// Of the solution by the second method; none if that found none.
+    pub second: Option<Difference>,
 }
 
 /// Two methods compared.
@@ -168,7 +183,7 @@ impl Reference {
             (loose.join().unwrap_or_else(ended), second.join().unwrap_or_else(ended), solution)
         });
         let turns = model.turns();
-        let Solution { states: solution, method } = solution?;
+        let Solution { states: solution, method, jumps } = solution?;
         let solution = solution.principal(&turns);
         let loose = loose?.states.turned(&solution, &turns);
         let scales = model.own_scales(solution.scales(&quantities(model)));
@@ -176,6 +191,7 @@ impl Reference {
         let conserved = conserved.iter().cloned().chain(Conserved::found(model, &scales)).collect();
         let candidates = if varying_inputs(model) || model.has_signals() { Vec::new() } else { outputs_first(model) };
         let turned = |second: Solution| Solution { states: second.states.turned(&solution, &turns), ..second };
+        let jumps = [jumps, second.as_ref().map(|second| second.jumps.clone()).unwrap_or_default()];
         let agreement = second.map(|second| agreement(times, &solution, &turned(second), &scales));
         let (whole, times) = (solution, samples.to_vec());
         let mut solution = Trajectory::new(whole.states);
@@ -191,6 +207,7 @@ impl Reference {
             candidates,
             conserved,
             turns,
+            jumps,
             uncertainty,
             method,
             agreement,
@@ -241,6 +258,17 @@ impl Reference {
             uncertainty: self.uncertainty,
             method: self.method,
             agreement: self.agreement,
+            events: judged.tally.as_ref().map(|tally| self.events(tally)),
+        }
+    }
+
+    /// Events of the runs against those of the solution.
+    fn events(&self, tally: &Tally) -> EventsOfSolution {
+        let [own, second] = [0, 1].map(|number| tally.of_solution(&self.jumps[number]));
+        EventsOfSolution {
+            fixed: tally.difference(&own, &tally.fixed),
+            double: tally.difference(&own, &tally.double),
+            second: self.agreement.is_ok().then(|| tally.difference(&own, &second)),
         }
     }
 
@@ -404,7 +432,7 @@ mod tests {
 
     #[test]
     fn a_wrong_solution_of_the_second_method_is_noticed() {
-        let solution = |samples| Solution { states: one_state(samples), method: Method::Verner98 };
+        let solution = |samples| Solution { states: one_state(samples), method: Method::Verner98, jumps: Vec::new() };
         let second = |samples| agreement(&TIMES, &one_state(RISE), &solution(samples), &[4.0]);
         let close = second([1.0, 2.0, 3.0, 4.0 + 4e-10]);
         assert!(close.vouches_for(1e-8) && close.apart.is_none(), "{close:?}");
@@ -426,6 +454,7 @@ mod tests {
             candidates: Vec::new(),
             conserved: Vec::new(),
             turns: Vec::new(),
+            jumps: Default::default(),
             uncertainty: 1e-12,
             method: Method::Dop853,
             agreement: Ok(Agreement { method: Method::Verner98, difference: 0.0, apart: None }),
@@ -455,6 +484,7 @@ mod tests {
             uncertainty: 1e-12,
             method: Method::Radau5,
             agreement: Ok(Agreement { method: Method::Bdf, difference, apart: None }),
+            events: None,
         };
         assert!(total(9e-10).doubt().is_none());
         let finding = total(2e-9).doubt().expect("they differ");

@@ -136,7 +136,8 @@ impl<'a> FixedRun<'a> {
         self.slots.in_graph_order(numbers)
     }
 
-    fn number(&self, id: ValueId) -> f64 {
+    /// The number that a value stands for: of the latest step, but for states, which are those of the next.
+    pub fn number(&self, id: ValueId) -> f64 {
         let offset = self.fixed.offset(self.graph.value(id));
         self.fixed.format.decode(self.word(id), self.fixed.exponents[id.index()], offset)
     }

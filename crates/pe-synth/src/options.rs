@@ -22,7 +22,7 @@ use pe_ir::word::{MultiplierPorts, Pipeline};
 use pe_judge::conserved::Conserved;
 use pe_judge::early::{self, Early};
 use pe_judge::parse::{duration, multiplier};
-use pe_judge::{Coefficients, Criteria, DesignPoint, FormChoice, MOST_STORAGE, ProofMode};
+use pe_judge::{Coefficients, Criteria, DesignPoint, FormChoice, JudgedBy, MOST_STORAGE, ProofMode};
 use pe_target::clock::ClockSource;
 use pe_target::devices::{self, DEVICES, Device};
 use pe_verify::engines::Engine;
@@ -68,6 +68,9 @@ pub struct ModelArgs {
     /// Most bits by which formats may be widened to prove all ranges
     #[arg(long, value_name = "BITS", default_value_t = Criteria::WIDEN, value_parser = clap::value_parser!(i32).range(0..=16), help_heading = "Numbers")]
     pub widen: i32,
+    /// What the runs of a design are compared by
+    #[arg(long, value_name = "WHAT", default_value = "trajectories", value_parser = judged_by(), help_heading = "Numbers")]
+    pub judge: JudgedBy,
     /// Turns a refusal into a warning; may be repeated
     #[arg(long, value_name = "CODE", value_parser = PossibleValuesParser::new(codes::PERMITTABLE), help_heading = "Diagnostics")]
     pub allow: Vec<String>,
@@ -355,7 +358,7 @@ impl ModelArgs {
 
     /// By what its designs are judged.
     pub fn criteria(&self) -> Criteria {
-        Criteria { proof: self.proof, widen: self.widen, allow: self.allow.clone() }
+        Criteria { by: self.judge, proof: self.proof, widen: self.widen, allow: self.allow.clone() }
     }
 
     /// What all its designs have in common.
@@ -474,6 +477,10 @@ pub fn engine() -> impl TypedValueParser<Value = Engine> {
 
 fn proof() -> impl TypedValueParser<Value = ProofMode> {
     choice(&ProofMode::ALL, ProofMode::name, Some(ProofMode::title))
+}
+
+fn judged_by() -> impl TypedValueParser<Value = JudgedBy> {
+    choice(&JudgedBy::ALL, JudgedBy::name, Some(JudgedBy::title))
 }
 
 fn order() -> impl TypedValueParser<Value = Order> {

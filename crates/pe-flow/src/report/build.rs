@@ -18,6 +18,7 @@ use pe_target::area::{self, Area as Size, Family};
 use pe_target::clock::{Basis, Clock as Frequency};
 use pe_target::devices::Fit;
 
+use super::counted::Events;
 use super::errors::{DeviceFit, Drift, Errors, OfTotal, OutputError, Period, Use};
 use super::network::{MappingCost, Start, WireLength};
 use super::systems::{self, Pivot};
@@ -92,6 +93,10 @@ impl Report {
             instruction_words_max: program.period as usize,
             data_words_max: data_words(program),
             mechanism: None,
+            events: design.judged.tally.as_ref().map(|tally| {
+                let total = told.total.as_ref().and_then(|total| total.as_ref().ok());
+                Events::of(model, tally, total.and_then(|total| total.events.as_ref()))
+            }),
             eliminations: systems::eliminations(design),
             elimination_trials: systems::trials(design),
             smallest_pivot: pivot.map(|pivot| Pivot { state: pivot.state.clone(), magnitude: pivot.magnitude }),

@@ -5,6 +5,7 @@
 //! network         what it holds about the network and its mapping
 //! compared        what of it is compared over time
 //! build           Design -> Report
+//! counted         events of designs that are judged by them
 //! mechanism       how well closures are kept
 //! systems         pivots and eliminations: their keys, and how they are built
 //! stability       the check of the step -> its key
@@ -16,6 +17,7 @@
 
 mod build;
 pub mod compared;
+pub mod counted;
 pub mod errors;
 pub mod mechanism;
 pub mod network;

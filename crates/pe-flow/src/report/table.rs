@@ -2,6 +2,7 @@
 
 use pe_hls::mapping::RANDOM;
 
+use super::counted::Events;
 use super::errors::Errors;
 use super::network::{Limiting, Start};
 use super::types::{Area, Clock, Figures, FunctionTable, Headroom, OutputsIn, Parameters, Ranges, Report};
@@ -83,6 +84,7 @@ impl Report {
         }
         rows.extend(self.eliminations.iter().map(|elimination| ("elimination", elimination.to_string())));
         rows.extend(self.mechanism.as_ref().map(|mechanism| ("closures", mechanism.to_string())));
+        rows.extend(self.events.iter().flat_map(Events::rows));
         rows.extend(total(error).map(|text| ("total error", text)));
         let early = to_date(error);
         if !early.is_empty() {

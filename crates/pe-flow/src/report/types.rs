@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::counted::Events;
 use super::errors::{Chosen, DeviceFit, Errors, Stability};
 use super::mechanism::Mechanism;
 use super::network::{Limiting, Start, WireLength};
@@ -59,6 +60,9 @@ pub struct Report {
     /// How well closures are kept; only for models that state a mechanism.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mechanism: Option<Mechanism>,
+    /// Events of the runs; only with `--judge events`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub events: Option<Events>,
     /// Matrices of linear systems; only for models that have some.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub eliminations: Vec<Elimination>,

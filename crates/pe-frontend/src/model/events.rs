@@ -164,6 +164,15 @@ impl<'a> Writer<'a> {
         Variable::Algebraic(number(self.model.algebraics.len()) - 1)
     }
 
+    /// What stands for a state behind a change, in the range that the state has.
+    fn after(&mut self, event: usize, state: u32, expr: Expr) -> Variable {
+        let after = self.quantity(event, "after", expr);
+        if let Variable::Algebraic(algebraic) = after {
+            self.model.algebraics[at(algebraic)].range = self.model.states[StateId::new(state)].range;
+        }
+        after
+    }
+
     /// What stands for a variable behind all changes so far.
     fn present(&mut self, event: usize, variable: Variable) -> Variable {
         match variable {
@@ -373,7 +382,7 @@ impl<'a> Writer<'a> {
             let slope = self.expr(event, &derivative);
             let own = self.present(event, Variable::State(StateId::new(*state)));
             let change = self.quantity(event, "rest", Expr::product(vec![of(late), slope]));
-            let after = self.quantity(event, "after", Expr::sum(vec![of(own), of(change)]));
+            let after = self.after(event, *state, Expr::sum(vec![of(own), of(change)]));
             moved.push((*state, after, change));
         }
         for (state, after, change) in moved {
@@ -382,7 +391,7 @@ impl<'a> Writer<'a> {
         }
         for (state, change) in std::mem::take(&mut self.lent) {
             let own = self.present(event, Variable::State(StateId::new(state)));
-            let after = self.quantity(event, "after", Expr::sum(vec![of(own), minus(of(change))]));
+            let after = self.after(event, state, Expr::sum(vec![of(own), minus(of(change))]));
             self.changed.insert(state, after);
         }
         self.twins.clear();
@@ -405,7 +414,7 @@ impl<'a> Writer<'a> {
         }
         for (state, own, change) in added {
             let change = self.quantity(event, "change", change);
-            let after = self.quantity(event, "after", Expr::sum(vec![of(own), of(change)]));
+            let after = self.after(event, state, Expr::sum(vec![of(own), of(change)]));
             self.changed.insert(state, after);
             self.jumps.entry(state).or_default().push(of(change));
         }

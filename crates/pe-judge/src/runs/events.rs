@@ -3,11 +3,13 @@
 
 use pe_hls::step::{self, StepOptions};
 use pe_ir::codes;
-use pe_ir::graph::{StepGraph, ValueId};
+use pe_ir::graph::StepGraph;
 use pe_ir::index::StateId;
-use pe_ir::model::{Expr, Model, State};
+use pe_ir::model::{Model, State};
 use pe_ir::source::Diagnostic;
 use pe_sim::double::DoubleRun;
+
+use super::jumping::Jumping;
 
 /// Steps before and behind an event that are left out, at least, and as a part of all steps: what an event that comes late
 /// sets off comes late, too.
@@ -52,34 +54,16 @@ pub(super) fn lost(model: &Model, graph: &StepGraph, largest: &[f64]) -> Option<
 
 /// Steps done when something jumps, as a run in double precision makes them.
 fn events(model: &Model, graph: &StepGraph) -> Vec<u64> {
-    // States that stand still jump where they change at all; others where they are not what the method leaves them at.
-    let still = |state: StateId| model.states[state].derivative == Expr::Constant(0.0);
-    let jumps_alone = |state: &StateId| {
-        let own = &model.states[*state];
-        own.jump.is_some() && own.wait.is_none()
-    };
-    let producers = graph.producers();
-    let base = |state: StateId| {
-        let write = graph.chains[producers[graph.states[state].1.index()]?].write;
-        write.base.filter(|_| !still(state))
-    };
-    let jumping: Vec<(StateId, Option<ValueId>)> =
-        model.states.ids().filter(jumps_alone).map(|state| (state, base(state))).collect();
     let mut run = DoubleRun::new(graph);
-    let mut before = run.states().to_vec();
+    let mut jumping = Jumping::of(model, graph, |state| run.state(state));
     let mut found = Vec::new();
     for done in 1..=model.steps() {
         if run.step(&model.sample_inputs(model.time(done - 1, 0.0))).is_err() {
             break;
         }
-        let jumps = |(state, base): &(StateId, Option<ValueId>)| match base {
-            Some(base) => run.state(*state) != run.value(base.index()),
-            None => still(*state) && run.state(*state) != before[state.index()],
-        };
-        if jumping.iter().any(jumps) {
+        if jumping.jumped(|state| run.state(state), |value| run.value(value.index())).count() > 0 {
             found.push(done);
         }
-        before.copy_from_slice(run.states());
     }
     found
 }

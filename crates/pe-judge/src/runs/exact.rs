@@ -23,8 +23,10 @@ use super::copies;
 use super::events;
 use super::inputs;
 use super::judged::Curves;
+use super::jumping::left_at;
 use super::kept::{Keeping, Kept, Room};
 use super::lockstep::Plan;
+use super::siblings::Siblings;
 
 /// Numbers of a run that is kept where nobody else keeps any, at most: 8 MiB.
 const MOST_KEPT_ALONE: u64 = 1 << 20;
@@ -51,6 +53,8 @@ pub struct Exact {
     pub(super) curves: Curves,
     pub(super) largest: Vec<f64>,
     pub(super) ranges: Ranges,
+    /// Values that share ranges; of models with events.
+    pub(super) siblings: Option<Siblings>,
     pub(super) moments: Moments,
     pub(super) scales: Vec<f64>,
     pub(super) seconds: f64,
@@ -137,6 +141,8 @@ impl Exact {
             return Err(vec![finding]);
         }
         include_possible(model, graph, &mut ranges);
+        let siblings = model.has_jumps().then(|| Siblings::of(graph));
+        siblings.iter().for_each(|siblings| siblings.include(&mut ranges));
         copies::include(graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let scales = model.own_scales(reference.scales(&quantities));
@@ -150,6 +156,7 @@ impl Exact {
             curves,
             largest,
             ranges,
+            siblings,
             moments,
             scales,
             seconds,
@@ -304,6 +311,9 @@ fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
     }
     for (state, (value, _)) in model.states.iter().zip(&graph.states) {
         state.range.into_iter().for_each(|range| include(*value, range));
+    }
+    for (value, state) in left_at(model, graph) {
+        model.states[state].range.into_iter().for_each(|range| include(value, range));
     }
     for (value, largest) in angles::functions(model, graph) {
         include(value, (-largest, largest));

@@ -13,6 +13,8 @@ use crate::corners::Corner;
 use crate::pivots::SmallestPivot;
 use crate::proof::Proof;
 
+use super::tally::Tally;
+
 /// Errors of all steps, relative to the largest magnitude of a state over the span; see `pe_sim::error` for the floor.
 #[derive(Clone, Copy, Debug)]
 pub struct Errors {
@@ -158,6 +160,8 @@ pub struct Judged {
     pub smallest_pivot: Option<SmallestPivot>,
     /// Which ranges are proven; none if no proof was asked for.
     pub proof: Option<Proof>,
+    /// Events of the runs, where a design is judged by these.
+    pub tally: Option<Tally>,
     /// Where tunable parameters were beside their values in the spec: the errors are the worst of all.
     pub corners: Vec<String>,
 }

@@ -182,7 +182,7 @@ impl Feed {
 }
 
 /// The finding about a run that is compared and is no longer finite at some time.
-fn not_finite(time: f64) -> Vec<Diagnostic> {
+pub(super) fn not_finite(time: f64) -> Vec<Diagnostic> {
     let message = format!("a comparison run is not finite at t = {time:.6e} s");
     let help = "the model is at the edge of stability: try a smaller `--step`";
     vec![Diagnostic::global(codes::DIVERGED, message).with_help(help)]

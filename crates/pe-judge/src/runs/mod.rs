@@ -18,6 +18,7 @@ mod events;
 mod exact;
 mod inputs;
 mod judged;
+mod jumping;
 mod kept;
 mod lockstep;
 mod looks;
@@ -30,6 +31,9 @@ mod saturated;
 mod sensitivity;
 mod settle;
 mod settled;
+mod siblings;
+mod tallied;
+mod tally;
 
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
@@ -43,7 +47,7 @@ use pe_ir::word::WordFormat;
 use pe_sim::compared::Compared;
 use pe_sim::error::Trajectory;
 
-use crate::criteria::Criteria;
+use crate::criteria::{Criteria, JudgedBy};
 use crate::progress::Progress;
 
 use self::exact::AtCorner;
@@ -53,6 +57,7 @@ pub use self::comparison::{Comparison, method_error};
 pub use self::exact::{Exact, non_finite};
 pub use self::inputs::{outside, varying_inputs};
 pub use self::judged::{Checkpoint, Curves, Errors, Judged, Looks, ToDate, Unseen};
+pub use self::jumping::left_at;
 pub use self::kept::{Kept, Room};
 pub use self::measure::port_words;
 pub use self::proven::Proposal;
@@ -60,6 +65,8 @@ pub use self::saturated::Beyond;
 pub use self::sensitivity::{APART, SENSITIVE, Sensitivity};
 pub use self::settle::{Aids, Unsettled};
 pub use self::settled::Settled;
+pub use self::siblings::Siblings;
+pub use self::tally::{Difference, Family, Part, Tally};
 
 /// Estimated method error from which on the step is refused, unless it is that of the beginning alone, and from which on
 /// it is warned about.
@@ -75,7 +82,7 @@ const WORD_ERROR_REFUSED: f64 = 0.5;
 ///
 /// # Errors
 /// `E0901` non-finite, `E0902` saturates however wide, `E0903` step too large, `E0907` word too short, `E0913` to `E0915` input not seen,
-/// `E080x` no format.
+/// `E080x` no format, `E0931` and `E0932` of events that are counted.
 pub fn judge(
     model: &Model,
     graph: &StepGraph,
@@ -174,14 +181,18 @@ impl Exact {
             to_date,
         };
         let mut warnings = Vec::new();
+        let tally = self.counted(model, graph, &fixed, criteria, &mut warnings)?;
+        // Trajectories count for as long as no event falls in another step.
+        let together = tally.as_ref().map(|tally| tally.differences().map(|difference| difference.apart.is_none()));
+        let [word_counts, step_counts, _] = together.unwrap_or([true; 3]);
         let finding = comparison.finding(model);
-        if comparison.lasting(model) > METHOD_ERROR_REFUSED {
+        if step_counts && comparison.lasting(model) > METHOD_ERROR_REFUSED {
             let rate = Sensitivity::of(model, graph, &self.scales).and_then(|sensitivity| sensitivity.rate);
             match rate.and_then(|rate| self.chaotic(model, graph, &fixed, rate, &hardware)) {
                 Some(chaotic) => warnings.push(chaotic),
                 None => warnings.extend(criteria.permit(vec![finding])?),
             }
-        } else if errors.method > METHOD_ERROR_WARNED {
+        } else if step_counts && errors.method > METHOD_ERROR_WARNED {
             let message = finding.message.replace("too large", "large");
             warnings.push(Diagnostic { code: codes::STEP_LARGE, message, ..finding.into_warning() });
         }
@@ -191,7 +202,11 @@ impl Exact {
         }
         // Of a chaotic model that has been told all that there is to say.
         let chaotic = warnings.iter().any(|warning| warning.code == codes::CHAOTIC);
-        let word_short = if chaotic { None } else { self.word_short(model, graph, &word, errors, (&fixed, &hardware)) };
+        let word_short = if chaotic || !word_counts {
+            None
+        } else {
+            self.word_short(model, graph, &word, errors, (&fixed, &hardware))
+        };
         if let Some(finding) = word_short {
             let refused = finding.severity == Severity::Error;
             warnings.extend(if refused { criteria.permit(vec![finding])? } else { vec![finding] });
@@ -218,6 +233,7 @@ impl Exact {
             output_errors: outputs.relative().collect(),
             smallest_pivot: self.smallest_pivot.clone(),
             proof,
+            tally,
             corners: Vec::new(),
         };
         for AtCorner { corner, model, exact } in &self.corners {
@@ -225,6 +241,28 @@ impl Exact {
             judged.include(corner, other.map_err(|findings| corner.named(findings))?);
         }
         Ok(judged)
+    }
+
+    /// Events of the runs, where they are what is judged.
+    ///
+    /// # Errors
+    /// `E0901` non-finite, `E0931` no events, `E0932` other numbers of them.
+    fn counted(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        fixed: &FixedPoint,
+        criteria: &Criteria,
+        warnings: &mut Vec<Diagnostic>,
+    ) -> Result<Option<Tally>, Vec<Diagnostic>> {
+        if criteria.by == JudgedBy::Trajectories {
+            return Ok(None);
+        }
+        let tally = self.tally(model, graph, fixed)?;
+        let (refusals, told) = tally.findings(model);
+        warnings.extend(criteria.permit(refusals)?);
+        warnings.extend(told);
+        Ok(Some(tally))
     }
 
     /// The warning about a chaotic model that multiplies differences at such a rate.

@@ -80,11 +80,7 @@ impl Sensitivity {
             for run in &mut pair {
                 run.step(&inputs).ok()?;
             }
-            let halves = [0.5, 1.0].map(|part| {
-                let mut inputs = half.hold_inputs(time, model.time(done - 1, part - 0.5));
-                model.draw_lines(done - 1, part, &mut inputs);
-                inputs
-            });
+            let halves = in_halves(model, &half, done - 1);
             let finite = fine.iter_mut().all(|run| halves.iter().all(|inputs| run.step(inputs).is_ok()));
             if !finite || done % stride == 0 || done == model.steps() {
                 let now = model.time(done, 0.0);
@@ -105,6 +101,15 @@ impl Sensitivity {
         let rate = rate(first, &course).filter(|rate| slope(&fine_course) >= SAME * rate);
         Some(Sensitivity { growth: largest / DISTURBANCE, rate, parted })
     }
+}
+
+/// Inputs of both halves of a step; `half` is the model with half the step.
+pub(super) fn in_halves(model: &Model, half: &Model, step: u64) -> [Vec<f64>; 2] {
+    [0.5, 1.0].map(|part| {
+        let mut inputs = half.hold_inputs(model.time(step, 0.0), model.time(step, part - 0.5));
+        model.draw_lines(step, part, &mut inputs);
+        inputs
+    })
 }
 
 /// What becomes of a difference of the initial values over the whole span, relative to itself: nothing more needs to be

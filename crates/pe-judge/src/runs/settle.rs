@@ -201,6 +201,7 @@ impl Exact {
                     for value in &saturated.values {
                         ranges.widened[value.index()] += 1;
                     }
+                    self.siblings.iter().for_each(|siblings| siblings.include(&mut ranges));
                 }
                 Err(Ended::Saturated(_)) if by_noise.is_none() && widenings > 0 => {
                     (ranges, by_noise, with_rounding) = (narrow.clone(), Some(0), false);

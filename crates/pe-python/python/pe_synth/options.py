@@ -12,13 +12,14 @@ from typing import Literal, TypeAlias, TypedDict
 Path: TypeAlias = str | PathLike[str]
 Value: TypeAlias = str | float
 """A number, or text as it is typed behind the option, such as '1 ms'."""
-Allow: TypeAlias = Literal["E0903", "E0907", "E0908", "E0913", "E0914", "E0915", "E0927"]
+Allow: TypeAlias = Literal["E0903", "E0907", "E0908", "E0913", "E0914", "E0915", "E0927", "E0932"]
 Coefficients: TypeAlias = Literal["one-slot", "two-slot", "auto"]
 Device: TypeAlias = Literal["XC6VLX240T", "XC7Z020", "LFE5UM-85F", "GW2A-LV18", "XCAU25P"]
 Elimination: TypeAlias = Literal["natural", "fill", "depth", "twisted", "dissection", "search"]
 Factors: TypeAlias = Literal["ahead", "plain", "root"]
 Form: TypeAlias = Literal["auto", "increments", "sums", "horner", "factors", "full"]
 Host: TypeAlias = Literal["restart", "states", "flags"]
+Judge: TypeAlias = Literal["trajectories", "events"]
 Loop: TypeAlias = Literal["auto", "on", "off"]
 Minimise: TypeAlias = Literal["area", "time", "error"]
 Outputs: TypeAlias = Literal["auto", "ports", "memory"]
@@ -67,6 +68,9 @@ class DesignOptions(TypedDict, total=False):
 
     inputs: Value
     """Inputs between two samples, unless the spec says: hold or linear."""
+
+    judge: Judge
+    """What the runs of a design are compared by."""
 
     loop: Loop
     """One round of control words for all stages of a step."""

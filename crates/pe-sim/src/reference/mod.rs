@@ -86,9 +86,9 @@ pub fn solve_with_limit(
             let mut rough = Stiff::new(model, &equations, ROUGH_TOLERANCE, Scales::growing(model, &equations));
             rough.run(times, progress)?;
             let states = Stiff::new(model, &equations, tolerance, rough.scales.into_known()).run(times, progress)?;
-            Ok(Solution { states, method: Method::Radau5 })
+            Ok(Solution { states, method: Method::Radau5, jumps: Vec::new() })
         }
-        states => Ok(Solution { states: states?, method: Method::Dop853 }),
+        solved => solved.map(|(states, jumps)| Solution { states, method: Method::Dop853, jumps }),
     }
 }
 
@@ -102,10 +102,10 @@ pub fn solve_by_second_method(model: &Model, times: &[f64], tolerance: f64) -> R
     match integrate::<Verner98>(model, times, tolerance, explicit_steps(model), silent) {
         // Far beyond its stability a method of ninth order may as well overflow between two steps.
         Err(_) if Stiff::suits(model) => {
-            let states = integrate::<Bdf>(model, times, tolerance, stiff::most_steps(model), silent)?;
-            Ok(Solution { states, method: Method::Bdf })
+            let (states, jumps) = integrate::<Bdf>(model, times, tolerance, stiff::most_steps(model), silent)?;
+            Ok(Solution { states, method: Method::Bdf, jumps })
         }
-        states => Ok(Solution { states: states?, method: Method::Verner98 }),
+        solved => solved.map(|(states, jumps)| Solution { states, method: Method::Verner98, jumps }),
     }
 }
 
@@ -116,6 +116,9 @@ pub fn explicit_steps(model: &Model) -> u64 {
     STEP_FLOOR + if stiff { 0 } else { STEP_RATIO * model.steps() }
 }
 
+/// States at the times, and all jumps.
+type Solved = (Trajectory, Vec<(f64, StateId)>);
+
 /// Solves by a method of the library, first roughly, to learn the magnitudes of the states.
 fn integrate<M: Driven>(
     model: &Model,
@@ -123,18 +126,20 @@ fn integrate<M: Driven>(
     tolerance: f64,
     steps: u64,
     progress: &mut dyn FnMut(f64),
-) -> Result<Trajectory, ReferenceError> {
+) -> Result<Solved, ReferenceError> {
     States::expect(model.states.len());
     let equations = &Equations::new(model);
     let scales = Scales::growing(model, equations);
     let longest = if features::of_time(model) { LONGEST * model.step } else { f64::INFINITY };
     // What a step reads must have been kept.
     let longest = longest.min(equations.history.borrow().shortest());
-    let kept = f64::INFINITY;
-    let mut rough = Integration { model, equations, tolerance: ROUGH_TOLERANCE, scales, steps, longest, kept };
+    let (kept, rough, jumps) = (f64::INFINITY, ROUGH_TOLERANCE, Vec::new());
+    let mut rough = Integration { model, equations, tolerance: rough, scales, steps, longest, kept, jumps };
     rough.run::<M>(times, progress)?;
-    let scales = rough.scales.into_known();
-    Integration { model, equations, tolerance, scales, steps, longest, kept }.run::<M>(times, progress)
+    let (scales, jumps) = (rough.scales.into_known(), Vec::new());
+    let mut exact = Integration { model, equations, tolerance, scales, steps, longest, kept, jumps };
+    let states = exact.run::<M>(times, progress)?;
+    Ok((states, exact.jumps))
 }
 
 /// The methods with their types.
@@ -208,6 +213,8 @@ struct Integration<'a> {
     longest: f64,
     /// The longest step that is known well enough between its ends, in seconds.
     kept: f64,
+    /// Times and states of jumps so far.
+    jumps: Vec<(f64, StateId)>,
 }
 
 impl Integration<'_> {
@@ -264,11 +271,28 @@ impl Integration<'_> {
             let next = (libm::floor(method.t() / step + 1e-9) + 1.0) * step;
             let (from, begin) = (method.t(), method.y().clone());
             let bends = piece.equations.history.borrow().bends();
+            let known = self.scales.growing.then(|| self.scales.clone());
             if next > within {
                 (found, within) = (0, next);
             }
             let mut end = if after(target, next) { next } else { target };
-            self.advance(method, piece, end, progress)?;
+            while let Err(ended) = self.advance(method, piece, end, progress) {
+                // Where there is no solution up to the end of the step an event may come before.
+                end = 0.5 * (from + end);
+                let nothing_left = end - from <= TIME_RESOLUTION * end.max(step);
+                if nothing_left || ended.obstacle == Obstacle::TooManySteps || !piece.equations.jumps_anywhere() {
+                    return Err(ended);
+                }
+                {
+                    let mut history = piece.equations.history.borrow_mut();
+                    history.cut(from);
+                    history.set_bends(bends.clone());
+                }
+                if let Some(known) = &known {
+                    self.scales = known.clone();
+                }
+                *method = self.start(piece, from, &begin, step)?;
+            }
             let is_step = (end / step - libm::round(end / step)).abs() < 1e-6;
             let anywhere = piece.equations.jumps_anywhere();
             if !is_step && !anywhere {
@@ -276,6 +300,7 @@ impl Integration<'_> {
             }
             let Some(mut behind) = piece.jumped(end, method.y()) else { continue };
             found += 1;
+            let mut left = method.y().clone();
             if anywhere && found < MOST_IN_STEP {
                 let mut before = from;
                 piece.equations.history.borrow_mut().keep(false);
@@ -288,7 +313,7 @@ impl Integration<'_> {
                     let mut trial: M = self.start(piece, from, &begin, step)?;
                     self.advance(&mut trial, piece, middle, progress)?;
                     match piece.jumped(middle, trial.y()) {
-                        Some(states) => (end, behind) = (middle, states),
+                        Some(states) => (end, left, behind) = (middle, trial.y().clone(), states),
                         None => before = middle,
                     }
                 }
@@ -301,7 +326,16 @@ impl Integration<'_> {
                 history.next(end);
                 history.bend(end, 0);
             }
+            if let Some(known) = known {
+                // What the states would become without the event does not count.
+                self.scales = known;
+                self.scales.include(&left);
+            }
             self.scales.include(&behind);
+            let jumped = behind.0.iter().zip(&left.0).enumerate();
+            self.jumps.extend(
+                jumped.filter(|(_, (behind, left))| behind != left).map(|(state, _)| (end, StateId::at(state))),
+            );
             // At the end of the piece nothing is left of it; the next one begins with the states behind the jumps.
             let rest = Piece { to: if after(piece.to, end) { piece.to } else { piece.to + step }, ..*piece };
             *method = self.start(&rest, end, &behind, step)?;

@@ -3,7 +3,7 @@
 
 use differential_equations::ode::ODE;
 use differential_equations::traits::State;
-use pe_ir::index::at;
+use pe_ir::index::{StateId, at};
 use pe_ir::model::{Model, Waveform};
 
 use super::equations::{Equations, Piece};
@@ -45,6 +45,8 @@ pub struct Solution {
     pub states: Trajectory,
     /// The method.
     pub method: Method,
+    /// Times in seconds and states of all jumps, in the order of time.
+    pub jumps: Vec<(f64, StateId)>,
 }
 
 /// Why there is no reference solution.
@@ -81,6 +83,7 @@ impl std::fmt::Display for ReferenceError {
 impl std::error::Error for ReferenceError {}
 
 /// Magnitudes of the states, which absolute errors are measured by.
+#[derive(Clone)]
 pub(super) struct Scales {
     /// Of each state.
     pub own: Vec<f64>,

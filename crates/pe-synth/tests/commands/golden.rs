@@ -11,8 +11,9 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 /// Models with a golden folder: those that compile in a moment.
-const MODELS: [&str; 19] = [
+const MODELS: [&str; 20] = [
     "atrial3",
+    "cortex",
     "harmonic_oscillator",
     "hodgkin_huxley",
     "kepler",
@@ -34,17 +35,18 @@ const MODELS: [&str; 19] = [
 ];
 
 /// Options of a model whose golden folder is made for the first time: few PEs, and a span that takes no second.
-fn first_options(model: &str) -> [&'static str; 4] {
+fn first_options(model: &str) -> Vec<&'static str> {
     let span = match model {
         "harmonic_oscillator" | "lorenz" => "500ms",
         "kepler" | "lotka_volterra" | "pendulum" | "van_der_pol" => "2s",
-        "lutchen_breathing" => "100ms",
+        "cortex" | "lutchen_breathing" => "100ms",
         "mapk_cascade" => "60s",
         "ventilator" => "6s",
         "wave6" | "wave_fdtd" => "2ms",
         _ => "20ms",
     };
-    ["--pes", "2", "--span", span]
+    let judged: &[&str] = if model == "cortex" { &["--judge", "events"] } else { &[] };
+    [&["--pes", "2", "--span", span], judged].concat()
 }
 
 fn root() -> PathBuf {

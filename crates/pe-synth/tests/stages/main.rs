@@ -12,6 +12,7 @@ mod arithmetic;
 mod check;
 mod check_limits;
 mod checkers;
+mod counted;
 mod delays;
 mod events;
 mod every_step;
