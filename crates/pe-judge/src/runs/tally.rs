@@ -378,7 +378,8 @@ impl Part {
         // What is none in one run is all in the other. What is not finite is as wrong as can be.
         let part = if difference == 0.0 { 0.0 } else { difference / whole };
         let part = if part.is_nan() { f64::INFINITY } else { part };
-        let larger = part > self.part;
+        // Where nothing differs, that of which there is most is told.
+        let larger = part > self.part || (part == self.part && of.0 > self.of.0);
         if larger {
             *self = Part { part, family, of };
         }
@@ -433,7 +434,7 @@ mod tests {
         let shifted = tally(every(0), every(1));
         assert_eq!(codes(&shifted), [codes::BY_EVENTS]);
         let difference = &shifted.differences()[0];
-        assert_eq!((difference.apart, difference.total.part), (Some(1e-3), 0.0));
+        assert_eq!((difference.apart, difference.total.part, difference.total.of), (Some(1e-3), 0.0, (500.0, 500.0)));
     }
 
     #[test]

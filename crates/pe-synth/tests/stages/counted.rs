@@ -83,7 +83,7 @@ fn numbers_of_spikes_are_those_that_runs_count_themselves() {
     for own in report["events"]["counts"].as_array().unwrap() {
         assert_eq!((&own["double"], &own["fixed"]), (&fired["double"], &fired["fixed"]), "{own}");
     }
-    let told = spec.run("verify out --steps 300 --message-format json");
+    let told = spec.run("verify out --steps 60 --message-format json");
     let told: Value = serde_json::from_slice(&told.stdout).unwrap();
     let runs = told["runs"].as_array().unwrap();
     assert!(runs.iter().filter(|run| run["engine"] == "GHDL").count() >= 2, "{told}");
@@ -95,7 +95,7 @@ fn a_reference_counts_its_own_spikes() {
     let report = Spec::new("reference", &network(4, 2, 200.0, "", "fired")).report("--pes 1 --step 0.125 --reference");
     let events = &report["events"];
     let double = &events["reference_double"]["total"];
-    assert!(events["counts"][0]["double"].as_f64().unwrap() >= 8.0, "{events}");
+    assert!(double["should"].as_f64().unwrap() >= 8.0, "{events}");
     assert!(double["part"].as_f64().unwrap() < 0.1, "{events}");
     // Two methods of high order find the same events as long as nothing is chaotic, but for which step a time on its end counts to.
     assert_eq!(events["reference_second"]["total"]["part"].as_f64(), Some(0.0), "{events}");
