@@ -5,6 +5,7 @@ use pe_ir::functions::{ScalarFunction, Segments};
 use pe_ir::word::WordFormat;
 
 use super::domain::Map;
+use crate::formats::RANGE_MARGIN;
 
 /// What an argument in 1/2 .. 1 is multiplied by, and what is added then, for -1 .. 1 with some room at both ends. A number
 /// of few bits is exact.
@@ -72,7 +73,11 @@ impl Scaling {
         tolerance: f64,
         format: WordFormat,
     ) -> Option<Scaling> {
-        let most = format.coefficient_bits.checked_sub(BITS)?;
+        // A scaled distance has the format of an argument, whose last bit is no finer than that of the product.
+        let spread = libm::ceil(libm::log2(RANGE_MARGIN * SPREAD)) as u32;
+        let product = format.data_bits + format.coefficient_bits + format.left_shift();
+        let finest = product.checked_sub(format.word_bits() + 1 + spread)?;
+        let most = format.coefficient_bits.checked_sub(BITS)?.min(finest);
         let of = |place: &f64| Scaling::from_place(function, (low, high), *place, (tolerance, format));
         let scaling = Scaling { most, ..places.iter().find_map(of)? };
         (scaling.octaves <= most).then_some(scaling)

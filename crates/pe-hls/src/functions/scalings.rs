@@ -99,7 +99,7 @@ fn what_only_resembles_them_is_none() {
     }
     // Scales of more octaves than a coefficient has bits are none.
     let narrow = WordFormat::new(32, 25, 18);
-    for (far, is) in [(1e3, true), (1e4, false)] {
+    for (far, is) in [(20.0, true), (1e3, false)] {
         assert_eq!(
             Domain::of(reciprocal, (0.0, far), narrow).is_ok_and(|domain| domain.scaling.is_some()),
             is,

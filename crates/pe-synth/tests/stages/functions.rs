@@ -138,6 +138,13 @@ fn powers_and_logarithms_over_many_octaves_are_computed_from_one() {
     for function in functions {
         assert!(function["bound_lsb"].as_f64().expect("a bound") <= 0.5, "{function}");
     }
+    // Words and ports of other lengths have fewer octaves, and no format is missed for them.
+    for (ports, rate) in [("25x18", 9), ("25x35", 40), ("28x28", 40), ("35x35", 50), ("18x25", 9)] {
+        let statements = format!("state x = 8000\nx' = -{rate}*x\nf = 9/x\ng = x/(x + 0.01)\noutput f, g\n");
+        let (exit, errors, _) =
+            compile(&folder, &statements, &["--pes", "1", "--multiplier", ports, "--allow", "E0907"]);
+        assert_eq!(exit, Some(0), "{ports}: {errors}");
+    }
 }
 
 #[test]
