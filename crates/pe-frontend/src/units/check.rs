@@ -3,6 +3,7 @@
 //! A number written out has whatever unit its place asks for in a sum, and none in a product. A quantity without a unit
 //! takes that of its definition.
 
+use crate::arrays::algebra::visit;
 use crate::bind::rows;
 use crate::bound::MOST_NESTED_CALLS;
 use crate::language::functions;
@@ -13,7 +14,6 @@ use crate::names::table::{Kind, Names, Symbol};
 use crate::report::Report;
 use crate::syntax::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Name, Range, Reference, Spec, StatementKind};
 use crate::syntax::delay;
-use crate::syntax::tables::Table;
 use crate::units::dimension::{Dimension, Units, shown_factor};
 use crate::units::parse::{parse, place};
 use pe_ir::codes;
@@ -82,12 +82,28 @@ pub(crate) fn check<'a>(spec: &'a Spec, names: &mut Names<'a>, report: &mut Repo
         Checker { spec, names, report, strict, units, named: Vec::new(), calls: MOST_CALLS, rows: Vec::new() };
     checker.declared();
     // A spec without any unit is a system of numbers, its time is one, too.
-    let of_table = |table: &Table| table.columns.iter().any(|column| column.unit.is_some());
-    if checker.named.is_empty() && !spec.measured && !spec.tables.iter().any(|table| of_table(table)) {
+    if checker.named.is_empty() && !spec.measured && !rows_have_units(spec) {
         return;
     }
     checker.infer();
     checker.statements();
+}
+
+/// Whether an equation sums over rows of a file whose header names a unit.
+fn rows_have_units(spec: &Spec) -> bool {
+    let mut found = false;
+    let mut look = |part: &Expr| {
+        if let ExprKind::SumOver { binder, .. } = &part.kind {
+            let table = binder.rows.as_ref().and_then(|path| spec.table(path));
+            found |= table.is_some_and(|table| table.columns.iter().any(|column| column.unit.is_some()));
+        }
+    };
+    for statement in &spec.statements {
+        if let StatementKind::Equation(equation) = &statement.kind {
+            visit(&equation.value, &mut look);
+        }
+    }
+    found
 }
 
 impl<'a> Checker<'_, 'a> {
