@@ -37,7 +37,7 @@ pub fn explained(
         codes::DIVERGED | codes::STEP_TOO_LARGE | codes::OUTSIDE_DOMAIN => implicit.then_some(&[true])?,
         codes::COMES_APART => &[true],
         // What rounding excites may swing itself up to the ends of all ranges.
-        codes::SATURATED if implicit => &[false, true],
+        codes::SATURATED | codes::NO_FORMAT if implicit => &[false, true],
         codes::SATURATED | codes::WORD_TOO_SHORT | codes::NO_FORMAT | codes::ACCUMULATOR => &[false],
         _ => return None,
     };
