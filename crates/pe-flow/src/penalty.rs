@@ -4,6 +4,7 @@ use pe_ir::codes;
 use pe_ir::model::Solver;
 use pe_ir::source::{Diagnostic, Severity};
 use pe_judge::DesignPoint;
+use pe_judge::check::swings;
 use pe_judge::residuals::Residuals;
 
 use crate::pipeline;
@@ -62,7 +63,10 @@ pub fn explained(
             (_, true) => (codes::PENALTY_SMALL, "too small for this step"),
             (_, false) => (codes::PENALTY_LARGE, "too large for this word"),
         };
-        let message = format!("the penalty of {} is {why}: {}", mechanism.penalty, refusal.message);
+        // Causes before symptoms.
+        let swings = if small { swings(&loaded.model) } else { None };
+        let what = swings.unwrap_or_else(|| refusal.message.clone());
+        let message = format!("the penalty of {} is {why}: {what}", mechanism.penalty);
         Some(Diagnostic::error(code, mechanism.span, message).with_help(help))
     })
 }

@@ -37,7 +37,7 @@ pub use self::observed::{Chaos, DeadBand, StepGrowth};
 pub use self::prediction::{Prediction, eigenvalue};
 pub use self::question::{ACCURACY, JUDGED_STATES, Question, SAFE, TRIED_STATES};
 pub use self::rest::{Rest, Ringing};
-pub use self::swinging::Swing;
+pub use self::swinging::{Swing, swings};
 pub use self::trials::{Accuracy, Found};
 
 /// Refusals that the check can explain.

@@ -16,7 +16,9 @@ use pe_ir::model::{Model, Solver};
 use pe_ir::source::Diagnostic;
 use pe_sim::double::DoubleRun;
 
+use super::observed;
 use super::question::rounded;
+use super::trusted::Trusted;
 
 /// Differences that are followed, and their size in parts of the largest magnitudes.
 const DIFFERENCES: usize = 2;
@@ -60,6 +62,19 @@ pub struct Swing {
     pub firm: f64,
     /// The state that differs most at the end of that time.
     pub state: StateId,
+}
+
+impl Swing {
+    /// When differences of which state grow by how much.
+    fn words(&self, model: &Model) -> String {
+        format!(
+            "from t = {:.3e} s to {:.3e} s differences of `{}` grow {} beyond those of the mechanism",
+            self.from,
+            self.until,
+            model.states[self.state].name,
+            super::findings::factor(self.beyond)
+        )
+    }
 }
 
 /// What differences come to along a run: at each look the natural logarithm of their growth, and the state that differs most.
@@ -207,6 +222,14 @@ fn firm(model: &Model, graph: &StepGraph, scales: &[f64]) -> Option<Firm> {
     if implicit { Firm::of(model, graph.macs(), scales) } else { None }
 }
 
+/// In words, when a step that is refused for what it comes to swings itself up, in double precision; none if it does not.
+pub fn swings(model: &Model) -> Option<String> {
+    let graph = build_with(model, &StepOptions::default()).ok()?;
+    let scales = observed::scales(&Trusted::of(model, None));
+    let swing = firm(model, &graph, &scales)?.beside((model, model), &|| DoubleRun::new(&graph), &scales, 1)?;
+    (swing.beyond > GROWN).then(|| swing.words(model))
+}
+
 /// A step that swings itself up, with the penalty or the step that does not: refused where the run shows it.
 pub(super) fn finding(
     model: &Model,
@@ -217,14 +240,7 @@ pub(super) fn finding(
 ) -> Option<Diagnostic> {
     let swing = swing.filter(|swing| swing.beyond > GROWN)?;
     let mechanism = model.mechanism.as_deref()?;
-    let message = format!(
-        "the step of the mechanism swings itself up: from t = {:.3e} s to {:.3e} s differences of `{}` grow {} beyond those of \
-         the mechanism",
-        swing.from,
-        swing.until,
-        model.states[swing.state].name,
-        super::findings::factor(swing.beyond)
-    );
+    let message = format!("the step of the mechanism swings itself up: {}", swing.words(model));
     let firm = firm(model, graph, scales)?;
     let holds = |penalty: f64, part: f64| {
         let other = other(model, penalty, part);
