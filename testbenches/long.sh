@@ -57,7 +57,7 @@ cortex() {
 printf '\n== a network of 1,000 neurons (%d s)\n' "$SECONDS"
 (cortex) || failed+=(cortex)
 
-printf '\n== wrappers behind an independent bus master (%d s)\n'  "$SECONDS"
+printf '\n== wrappers behind an independent bus master (%d s)\n' "$SECONDS"
 for number in 1 2 3; do
   PE_SYNTH=$pe_synth "$target/venv/bin/python" testbenches/axi/run.py --all --seed "$((seed + number))" || failed+=("axi-$number")
 done

@@ -283,6 +283,7 @@ impl Memories {
                     let start = graph.states[s].0;
                     let end = last_read(start).map_or(0, |read| read + schedule.period);
                     let end = end.max(last_read(transfer.value).unwrap_or(0)).max(transfer.receive);
+                    debug_assert!(end - transfer.receive < schedule.period, "a word is read behind its next arrival");
                     // The initial image holds all states at once, so even one that arrives after the wrap owns its
                     // word from the wrap on.
                     let write = transfer.receive.min(schedule.period - 1);

@@ -25,8 +25,9 @@ pub(super) fn pack(mut arcs: Vec<Arc>, period: u32) -> (Vec<(u32, u32)>, u32) {
     let mut first: Vec<u32> = Vec::new();
     let mut assigned = Vec::with_capacity(arcs.len());
     for arc in arcs {
-        // One that is written behind the end of the step is taken to be written at it, and then goes all round.
-        debug_assert!(arc.last_read - arc.write <= period, "a value outlives its own next write: {arc:?}");
+        // One that arrives behind the end of the step is taken to be written in its last word, and may go all round.
+        let most = period - u32::from(arc.write + 1 != period);
+        debug_assert!(arc.last_read - arc.write <= most, "a value outlives its own next write: {arc:?}");
         let free = registers.peek().filter(|Reverse((last_read, register))| {
             *last_read < arc.write && arc.last_read < first[at(*register)] + period
         });
