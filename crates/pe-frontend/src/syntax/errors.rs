@@ -195,7 +195,7 @@ fn habit(slip: &Slip) -> Option<String> {
         (TokenKind::Text, file) if slip.wants("an expression") => {
             return Some(format!("a column of a data file is read by `samples({file}, \"column\", linear)`"));
         }
-        (TokenKind::Number, _) | (_, "+" | "-" | "*" | "/" | "^" | "(") if first == "output" => {
+        (TokenKind::Number, _) | (_, "+" | "-" | "*" | "/" | "^" | "(") if first == "output" && !slip.bracketed() => {
             "an output is a name: write `y = 2*x` and `output y`"
         }
         (TokenKind::Sign, "==") if slip.wants("`=`") => "an equation has one `=`",
