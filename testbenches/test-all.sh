@@ -129,7 +129,9 @@ begin 'packages'
 PE_SYNTH=$target/debug/pe-synth testbenches/packages.sh "$target/packages"
 
 begin 'the Python package, and wrappers behind an independent bus master; beside them FMUs in FMPy'
-# Each of the two keeps one core busy. Tests of Ctrl-C are in front: what runs behind ignores it.
+# Both need the package; each of the two keeps one core busy. Tests of Ctrl-C are in front: what runs behind ignores it.
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps \
+  --config-settings=build-args='--profile dev --locked' ./crates/pe-python
 behind() {
   PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/fmu.py "$target/fmus"
   PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/loops.py "$target/loops" --steps 200
@@ -138,8 +140,6 @@ behind() {
 behind=$!
 design=$target/python/motor_pid
 "$target/debug/pe-synth" compile models/motor_pid/motor_pid.spec --host restart,states,flags --quiet --no-pictures -o "$design"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps \
-  --config-settings=build-args='--profile dev --locked' ./crates/pe-python
 PE_SYNTH=$target/debug/pe-synth PE_DESIGN=$design "$venv/bin/python" -m pytest -q -p no:cacheprovider crates/pe-python/tests
 for loop in hil_motor hil_pendulum hil_filter; do
   PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" "models/$loop/loop.py"
