@@ -183,6 +183,13 @@ pub fn step_count_problem(step: f64, span: f64) -> Option<String> {
     }
 }
 
+/// Whether a time is a whole number of steps, one at least.
+fn is_whole(time: f64, step: f64) -> bool {
+    let steps = time / step;
+    let whole = libm::round(steps);
+    whole >= 1.0 && (steps - whole).abs() <= TIME_SLACK * whole
+}
+
 impl Model {
     /// A model that has no variables yet. `step` and `span` in seconds.
     pub fn new(name: impl Into<String>, solver: Solver, step: f64, span: f64) -> Model {
@@ -456,27 +463,27 @@ impl Model {
     }
 
     /// A rate whose period is no whole number of steps, if there is one, with the longest step up to the model's that
-    /// suits all rates, if a reasonable one does.
+    /// suits the model, if a reasonable one does.
     pub fn unsuitable_rate(&self) -> Option<(Rate, Option<f64>)> {
-        self.unsuitable_at(self.step)
+        let first = self.rates.iter().find(|rate| !is_whole(rate.period, self.step))?;
+        Some((*first, self.suitable_step(self.step)))
     }
 
-    /// The longest step up to this one that suits all rates; none if no reasonable one does.
+    /// Whether all steps have to be equal: delays count steps, and events come at their ends.
+    pub fn has_equal_steps(&self) -> bool {
+        self.has_jumps() || self.delays().next().is_some()
+    }
+
+    /// The longest step up to this one of which periods and delays are whole multiples, all in seconds; none if no reasonable one
+    /// is.
     pub fn suitable_step(&self, step: f64) -> Option<f64> {
-        self.unsuitable_at(step).map_or(Some(step), |(_, suitable)| suitable)
-    }
-
-    fn unsuitable_at(&self, step: f64) -> Option<(Rate, Option<f64>)> {
-        let whole = |rate: &Rate, step: f64| {
-            let steps = rate.period / step;
-            let rounded = libm::round(steps);
-            rounded >= 1.0 && (steps - rounded).abs() <= TIME_SLACK * rounded
-        };
-        let first = self.rates.iter().find(|rate| !whole(rate, step))?;
-        let fewest = libm::ceil(first.period / step - TIME_SLACK).max(1.0);
-        let mut candidates = (0..MOST_DIVISIONS).map(|more| first.period / (fewest + f64::from(more)));
-        let step = candidates.find(|step| self.rates.iter().all(|rate| whole(rate, *step)));
-        Some((*first, step))
+        let periods = self.rates.iter().map(|rate| rate.period);
+        let delays = self.delays().chain(self.waits()).map(|(_, seconds)| seconds);
+        let times: Vec<f64> = periods.chain(delays).filter(|time| *time > 0.0).collect();
+        let Some(first) = times.iter().copied().find(|time| !is_whole(*time, step)) else { return Some(step) };
+        let fewest = libm::ceil(first / step - TIME_SLACK).max(1.0);
+        let mut candidates = (0..MOST_DIVISIONS).map(|more| first / (fewest + f64::from(more)));
+        candidates.find(|step| times.iter().all(|time| is_whole(*time, *step)))
     }
 
     /// The part that changes all the time: sampled states have become inputs, behind the model's own.

@@ -17,8 +17,10 @@ impl Model {
 
     /// Takes another step; with a list of steps the others keep their ratio to it.
     pub fn set_step(&mut self, step: f64) {
-        self.step = step;
+        let before = std::mem::replace(&mut self.step, step);
         self.retime();
+        self.recount(before);
+        self.bound_waits();
         let tick = self.tick();
         let is_clock = |state: &StateId| self.states[*state].motion == Some(Motion::Clock);
         let Some(clock) = self.states.ids().find(is_clock) else { return };
@@ -181,6 +183,28 @@ impl Model {
             Some(Motion::Delayed(seconds)) => Some((state, seconds)),
             _ => None,
         })
+    }
+
+    /// The states that count the steps of events with delays, each with its delay in seconds where that is a number.
+    pub fn waits(&self) -> impl Iterator<Item = (StateId, f64)> + '_ {
+        self.states.numbered().filter_map(|(state, own)| Some((state, own.waits_for()?)))
+    }
+
+    /// Counts what waits at time zero in steps of the model, in the place of others of so many seconds.
+    fn recount(&mut self, before: f64) {
+        let ratio = before / self.step;
+        for state in self.states.iter_mut().filter(|state| state.wait.is_some() && state.initial > 0.0) {
+            let more = if state.waits_for().is_some() { 0.0 } else { State::LEAST_WAIT };
+            state.initial = (state.initial - more) * ratio + more;
+        }
+    }
+
+    /// Gives states that count steps their ranges.
+    pub fn bound_waits(&mut self) {
+        let waits: Vec<(StateId, f64)> = self.waits().collect();
+        for (state, seconds) in waits {
+            self.states[state].range = Some((0.0, libm::round(seconds / self.step).max(0.0)));
+        }
     }
 
     /// Whether any state stands for a played signal or for a line.

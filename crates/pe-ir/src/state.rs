@@ -4,6 +4,10 @@ use crate::model::{Expr, State};
 use crate::source::Span;
 
 impl State {
+    /// Steps that a delay that is computed waits longer than it says, so that one of no time waits at all; it is rounded to whole
+    /// steps.
+    pub const LEAST_WAIT: f64 = 0.25;
+
     /// A quantity of its own that starts at zero, without a range or unit, which no spec declares.
     pub fn new(name: impl Into<String>, derivative: Expr) -> State {
         State {
@@ -30,6 +34,19 @@ impl State {
             Some(wait) => Expr::sum(vec![jump, Expr::scaled(1.0 / step, wait.clone())]),
             None => jump,
         })
+    }
+
+    /// The seconds that it waits where it begins to, if these are a number.
+    pub fn waits_for(&self) -> Option<f64> {
+        match self.wait.as_ref()? {
+            Expr::Product(members) => match &members[..] {
+                [Expr::Constant(seconds), Expr::Variable(_)] => Some(*seconds),
+                _ => None,
+            },
+            // A delay of one second.
+            Expr::Variable(_) => Some(1.0),
+            _ => None,
+        }
     }
 
     /// Whether it counts what must not happen: events that find no place to wait in.

@@ -46,8 +46,11 @@ impl Early {
     /// Puts them in the place of those that a model has.
     ///
     /// # Errors
-    /// If a time is not within the span, not after the one before, or no whole number of steps.
+    /// If a time is not within the span, not after the one before, or no whole number of steps; of a model whose steps are equal.
     pub fn apply(&self, model: &mut Model) -> Result<(), String> {
+        if model.has_equal_steps() {
+            return Err("`--early-steps`: a model with events or delays takes a single step".to_owned());
+        }
         let mut from = 0.0;
         for (step, until) in self.list() {
             let steps = (until - from) / step;

@@ -216,6 +216,7 @@ impl Reference {
 
     /// How far the fixed-point run of `judged`, sampled and looked at at the same times, is from it.
     pub fn compare(&self, model: &Model, judged: &Judged) -> TotalError {
+        assert_eq!(merged(&judged.times, &judged.looks.times).0, self.all_times, "a run at other times");
         let run = &judged.hardware.clone().turned(&self.solution, &self.turns);
         let last = self.solution.last();
         let end = |run: &Trajectory| {

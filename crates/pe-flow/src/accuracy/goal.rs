@@ -398,7 +398,7 @@ impl<'a> Search<'a> {
     /// it.
     fn lists_of_steps(&self, rows: &[Row], round: u32) -> Vec<DesignPoint> {
         let model = self.model;
-        if !self.free_steps || !model.phases.is_empty() || !model.rates.is_empty() {
+        if !self.free_steps || !model.phases.is_empty() || !model.rates.is_empty() || model.has_equal_steps() {
             return Vec::new();
         }
         let least = self.least(rows);

@@ -20,22 +20,26 @@ pub struct Job {
 
 /// Points with the same step graph.
 pub struct Family {
-    /// The solution that its points are compared with; families with the same step share it.
+    /// The solution that its points are compared with; families that are compared at the same times share it.
     pub reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
     /// Points with the same formats; none of the lists is empty.
     pub formats: Vec<Vec<Job>>,
 }
 
 /// Whether a model has functions of variables.
-pub fn has_functions(model: &Model) -> bool {
+fn has_functions(model: &Model) -> bool {
     model.algebraics.iter().any(|algebraic| !algebraic.expr.is_polynomial())
 }
 
-/// Sorts jobs by what they share; with functions, whose tables depend on the multiplier's ports, these as well.
-pub fn families(jobs: Vec<Job>, functions: bool) -> Vec<Family> {
+/// Sorts jobs by what they share; with functions, whose tables depend on the multiplier's ports, these as well, and with
+/// events, which each method finds in steps of its own, solutions by methods.
+pub fn families(jobs: Vec<Job>, model: &Model) -> Vec<Family> {
     let mut families: Vec<Family> = Vec::new();
+    let (functions, events) = (has_functions(model), model.has_jumps());
     let same_tables = |a: &DesignPoint, b: &DesignPoint| !functions || a.multiplier == b.multiplier;
-    let same_times = |a: &DesignPoint, b: &DesignPoint| a.step == b.step && a.early_steps == b.early_steps;
+    let same_times = |a: &DesignPoint, b: &DesignPoint| {
+        a.step == b.step && a.early_steps == b.early_steps && (!events || a.solver == b.solver)
+    };
     // Stages that are sums want coefficients in one slot.
     let one_slot = |point: &DesignPoint| point.coefficients == Coefficients::OneSlot;
     let same_form = |a: &DesignPoint, b: &DesignPoint| {

@@ -21,8 +21,8 @@ fn whole_part(time: f64, step: f64) -> f64 {
 /// multiples, all in seconds; none if no reasonable one suits the model.
 pub fn suitable(model: &Model, sample: Option<f64>, step: f64) -> Option<f64> {
     let step = sample.map_or(step, |sample| whole_part(sample, step.min(sample)));
-    // A list of steps has times of its own, and so have blocks.
-    if !model.phases.is_empty() || !model.rates.is_empty() {
+    // A list of steps has times of its own, and so have blocks and delays.
+    if !model.phases.is_empty() || !model.rates.is_empty() || model.delays().chain(model.waits()).next().is_some() {
         return model.suitable_step(step);
     }
     match sample {

@@ -25,7 +25,7 @@ use pe_ir::source::{Diagnostic, Severity};
 use pe_sim::reference::ReferenceError;
 
 use super::estimate::{Estimate, Kind, Work};
-use super::family::{Family, Job, families, has_functions};
+use super::family::{Family, Job, families};
 use super::queue::Queue;
 use super::row::{Compiled, Outcome, Reason};
 use crate::candidates::Network;
@@ -154,7 +154,7 @@ struct Crew<'a> {
 /// Compiles all jobs in the pool and sends what got done, as long as somebody hears it.
 pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sender<Event>) {
     let model = &sweep.loaded.model;
-    let families = families(jobs, has_functions(model));
+    let families = families(jobs, model);
     let together = families.len().saturating_mul(model.states.len()) <= MOST_STATES;
     let crew = Crew {
         sweep,

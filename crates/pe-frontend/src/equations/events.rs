@@ -14,12 +14,6 @@ use pe_ir::index::at;
 use pe_ir::model::Expr;
 use pe_ir::source::{Diagnostic, Span};
 
-/// Part of a step by which a delay may be off a whole number of steps for being a rounded number.
-const TIME_SLACK: f64 = 1e-6;
-
-/// Steps of a delay, at most.
-const MOST_STEPS: f64 = 1_048_576.0;
-
 /// A flat event; variables are numbered as rows of flat equations.
 #[derive(Clone, Debug)]
 pub(crate) struct FlatEvent {
@@ -31,6 +25,8 @@ pub(crate) struct FlatEvent {
     pub(crate) assignments: Vec<(u32, Expr)>,
     /// Time in seconds from the condition to the assignments.
     pub(crate) delay: Option<Expr>,
+    /// Where its delay stands, if it has one.
+    pub(crate) after: Option<Span>,
     /// How it comes.
     pub(crate) manner: Manner,
     /// Where it stands.
@@ -113,7 +109,7 @@ pub(crate) fn events(context: &mut Context, times: Option<&Times>) -> Vec<FlatEv
         resolver.scope.clone_from(&assignments[0].pattern.indices);
         let Some(trigger) = resolver.number(&when.trigger) else { continue };
         let delay = match &when.after {
-            Some(after) => match delay(context, after, &assignments[0], times) {
+            Some(after) => match delay(context, after, &assignments[0]) {
                 Some(delay) => Some(delay),
                 None => continue,
             },
@@ -170,41 +166,31 @@ fn unknown(name: &Name) -> Diagnostic {
     Diagnostic::error(codes::SYNTAX, name.span, message).with_help(help)
 }
 
-/// A delay: its value in the unit of its measure, that unit in seconds, its place, and the step.
+/// A delay: its value in the unit of its measure, that unit in seconds, and its place.
 struct Delay {
     value: Node,
     scale: f64,
     span: Span,
-    step: f64,
 }
 
-fn delay<'a>(context: &mut Context<'a>, after: &'a Measure, first: &Bound<'a>, times: Option<&Times>) -> Option<Delay> {
+fn delay<'a>(context: &mut Context<'a>, after: &'a Measure, first: &Bound<'a>) -> Option<Delay> {
     let unstated = context.names.time.seconds;
     let scale =
         unit_scale(after.unit.as_ref(), &TIMES, "delay", unstated).map_err(|error| context.report.push(error)).ok();
     let mut resolver = context.resolver(Reads::Variables);
     resolver.scope.clone_from(&first.pattern.indices);
     let value = resolver.number(&after.value)?;
-    Some(Delay { value, scale: scale?, span: after.value.span, step: times?.step })
+    Some(Delay { value, scale: scale?, span: after.value.span })
 }
 
 impl Delay {
-    /// The delay of an element in seconds; where it is a number it must be whole steps.
+    /// The delay of an element in seconds.
     fn seconds(&self, context: &mut Context) -> Result<Expr, Fault> {
-        let seconds = match context.evaluator.expr(&context.names, &self.value)? {
-            Expr::Constant(value) => scaled(value, self.scale),
+        Ok(match context.evaluator.expr(&context.names, &self.value)? {
+            Expr::Constant(value) => Expr::Constant(scaled(value, self.scale)),
             // A delay that is computed is rounded to steps, and is one at least.
-            value => return Ok(Expr::scaled(self.scale, value)),
-        };
-        let steps = seconds / self.step;
-        let whole = libm::round(steps);
-        if !(0.0..=MOST_STEPS).contains(&whole) || (steps - whole).abs() > TIME_SLACK * whole.max(1.0) {
-            let message =
-                format!("a delay of {seconds} s is {steps} steps; it must be a whole number, at most {MOST_STEPS}");
-            let help = "take a step of which the delay is a multiple";
-            return Err(fault(Diagnostic::error(codes::EVENT_DELAY, self.span, message).with_help(help)));
-        }
-        Ok(Expr::Constant(seconds))
+            value => Expr::scaled(self.scale, value),
+        })
     }
 }
 
@@ -329,7 +315,8 @@ fn element(context: &mut Context, event: &BoundEvent, (manner, span): (Manner, S
         }
         assignments.push((state, context.evaluator.expr(&context.names, &bound.value)?));
     }
-    Ok(FlatEvent { name: String::new(), trigger, assignments, delay, manner, span })
+    let after = event.delay.as_ref().map(|delay| delay.span);
+    Ok(FlatEvent { name: String::new(), trigger, assignments, delay, after, manner, span })
 }
 
 /// The states that events change, and what these events read, for those who number variables.

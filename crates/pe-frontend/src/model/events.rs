@@ -27,6 +27,7 @@ pub(crate) fn write_out(model: &mut Model, events: &[FlatEvent]) {
     order.sort_by(|one, other| events[*other].manner.priority.total_cmp(&events[*one].manner.priority));
     let mut writer = Writer::new(model, events);
     writer.instant(&order);
+    writer.model.bound_waits();
     let jumps = std::mem::take(&mut writer.jumps);
     let late: Vec<Variable> = writer.late.values().copied().collect();
     for (state, terms) in jumps {
@@ -472,30 +473,45 @@ impl<'a> Writer<'a> {
     fn wait(&mut self, event: usize, present: &mut Present) {
         let manner = self.events[event].manner;
         let delay = self.events[event].delay.clone().expect("it waits");
-        let range = delay.as_constant().map(|delay| (0.0, libm::round(delay / self.model.step)));
-        let delay = self.expr(event, &delay);
+        let after = self.events[event].after.unwrap_or(self.events[event].span);
+        let computed = delay.as_constant().is_none();
+        let mut delay = self.expr(event, &delay);
+        if computed {
+            let seconds = self.quantity(event, "delay", delay);
+            let positive = self.quantity(event, "positive", above(seconds, 0.0));
+            delay = Expr::product(vec![of(seconds), of(positive)]);
+        }
+        let (least, more) = if computed { (0.5 * State::LEAST_WAIT, 1.5 + State::LEAST_WAIT) } else { (0.5, 1.5) };
         let mut newly = present.due.take().expect("nothing has come so far");
         let mut due: Vec<Variable> = Vec::new();
         let mut frozen: Vec<Vec<Expr>> = vec![Vec::new(); present.frozen.len()];
         for place in 1..=WAITING {
-            let left = self.state(event, &format!("left{place}_"), range);
+            let left = self.state(event, &format!("left{place}_"), None);
             let own = Variable::State(StateId::new(left));
-            let waits = self.quantity(event, "waits", above(own, 0.5));
-            let more = self.quantity(event, "more", above(own, 1.5));
+            let waits = self.quantity(event, "waits", above(own, least));
+            let more = self.quantity(event, "more", above(own, more));
             let over = Expr::sum(vec![of(waits), minus(of(more))]);
             let mut over = self.quantity(event, "over", over);
-            let mut ends = of(waits);
+            // A delay that is computed leaves a part of a step behind.
+            let mut ends =
+                if computed { Expr::sum(vec![of(more), Expr::product(vec![of(over), of(own)])]) } else { of(waits) };
+            let rest = ends.clone();
             if manner.cancelled {
                 // Off it is as soon as the condition does not hold.
                 over = self.quantity(event, "over", Expr::product(vec![of(over), of(present.trigger)]));
-                let off = Expr::product(vec![not(present.trigger), Expr::sum(vec![of(own), minus(of(waits))])]);
+                let off = Expr::product(vec![not(present.trigger), Expr::sum(vec![of(own), minus(rest)])]);
                 ends = Expr::sum(vec![ends, off]);
             }
             due.push(over);
             // A place that is left in this step is free for what begins to wait in it.
             let takes = self.quantity(event, "takes", Expr::product(vec![of(newly), not(more)]));
-            self.jumps.entry(left).or_default().push(minus(ends));
-            self.model.states[StateId::new(left)].wait = Some(Expr::product(vec![of(takes), delay.clone()]));
+            let jumps = self.jumps.entry(left).or_default();
+            jumps.push(minus(ends));
+            if computed {
+                jumps.push(Expr::scaled(State::LEAST_WAIT, of(takes)));
+            }
+            let counter = &mut self.model.states[StateId::new(left)];
+            (counter.wait, counter.span) = (Some(Expr::product(vec![of(takes), delay.clone()])), after);
             for (number, value) in present.frozen.clone().into_iter().enumerate() {
                 let kept = self.state(event, &format!("value{place}_{}_", number + 1), None);
                 let own = Variable::State(StateId::new(kept));

@@ -30,6 +30,9 @@ const BEFORE: u8 = u8::MAX - 1;
 /// Part of a step by which times may be off a step for being rounded numbers.
 const TIME_SLACK: f64 = 1e-6;
 
+/// Steps of a delay, at most.
+const MOST_STEPS: f64 = 1_048_576.0;
+
 /// Builds the step graph of a model with jumps; `smooth` builds that of the model without them.
 ///
 /// # Errors
@@ -60,15 +63,15 @@ pub fn build(
     Ok(graph)
 }
 
-/// A method that keeps slopes of earlier steps would go on with those from before an event.
+/// A method that keeps slopes of earlier steps would go on with those from before an event, and delays count steps.
 ///
 /// # Errors
-/// `E0806` for such a method.
+/// `E0806` for such a method, `E0412` for a delay that is no whole number of steps.
 pub fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
     let jumping = model.states.iter().find(|state| state.jump.is_some());
     let keeps = matches!(model.solver, Solver::Ab2 | Solver::Ab3 | Solver::Ab4);
     match jumping.filter(|_| keeps) {
-        None => Ok(()),
+        None => whole_delays(model),
         Some(state) => {
             let message = format!(
                 "`{}` keeps slopes of earlier steps, which are none of what an event makes",
@@ -78,6 +81,30 @@ pub fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
             Err(vec![Diagnostic::error(codes::UNSUITABLE_SOLVER, state.span, message).with_help(help)])
         }
     }
+}
+
+fn whole_delays(model: &Model) -> Result<(), Vec<Diagnostic>> {
+    let mut findings: Vec<Diagnostic> = Vec::new();
+    for (state, seconds) in model.waits() {
+        let steps = seconds / model.step;
+        let whole = libm::round(steps);
+        let span = model.states[state].span;
+        // An event has several places to wait in.
+        let is_told = findings.iter().any(|finding| finding.span == Some(span));
+        if is_told || (0.0..=MOST_STEPS).contains(&whole) && (steps - whole).abs() <= TIME_SLACK * whole.max(1.0) {
+            continue;
+        }
+        let message =
+            format!("a delay of {seconds} s is {steps} steps; it must be a whole number, at most {MOST_STEPS}");
+        let help = match model.suitable_step(model.step) {
+            Some(step) if step < model.step => {
+                format!("take a step that divides all delays, for example `--step {step:e}`")
+            }
+            _ => "take a step of which the delay is a multiple".to_owned(),
+        };
+        findings.push(Diagnostic::error(codes::EVENT_DELAY, span, message).with_help(help));
+    }
+    if findings.is_empty() { Ok(()) } else { Err(findings) }
 }
 
 /// How much a variable grows in a step, if it is the time in some unit.

@@ -16,6 +16,9 @@ use super::jumping::Jumping;
 const FEWEST: u64 = 2;
 const PART: u64 = 500;
 
+/// Part of all steps that these may be. Where they would be more, a step is so long that being late by one counts.
+const MOST_AROUND: u64 = 100;
+
 /// Part of all steps that may be left out; where events come more often than that, none is.
 const MOST_LEFT_OUT: u64 = 2;
 
@@ -26,6 +29,9 @@ pub(super) fn left_out(model: &Model) -> Vec<u64> {
     }
     let Ok(graph) = step::build_with(model, &StepOptions::default()) else { return Vec::new() };
     let steps = model.steps();
+    if FEWEST * MOST_AROUND > steps {
+        return Vec::new();
+    }
     let events = events(model, &graph);
     let share = steps / (2 * MOST_LEFT_OUT * events.len().max(1) as u64);
     let around = (steps / PART).min(share).max(FEWEST);

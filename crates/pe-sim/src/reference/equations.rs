@@ -12,6 +12,7 @@ use pe_ir::motion::Motion;
 
 use super::history::History;
 use super::states::States;
+use super::waiting::{Jumped, Waiting};
 use crate::linear::Linearised;
 
 /// A product of a number and variables: its factors are slots.
@@ -40,6 +41,7 @@ pub(super) struct Equations<'a> {
     /// States that are what a quantity was, in the order of the history.
     delayed: Vec<StateId>,
     pub history: RefCell<History>,
+    pub waiting: RefCell<Waiting>,
     sums: Vec<Sum>,
     terms: Vec<Term>,
     factors: Vec<u32>,
@@ -85,6 +87,7 @@ impl<'a> Equations<'a> {
             played,
             delayed,
             history,
+            waiting: RefCell::new(Waiting::of(model)),
             sums,
             terms,
             factors,
@@ -163,11 +166,13 @@ impl Equations<'_> {
     }
 
     /// What the states are behind the jumps that are due at a time, if any is.
-    pub fn jumped(&self, states: &States, (within, time): (f64, f64)) -> Option<States> {
+    pub fn jumped(&self, states: &States, (within, time): (f64, f64)) -> Option<Jumped> {
         // A time that a rounded number has missed has come.
         const SLACK: f64 = 1e-6;
         let model = self.model;
+        let waiting = self.waiting.borrow();
         let mut near = states.0.clone();
+        waiting.show(&mut near, time);
         for (state, own) in model.states.numbered().filter(|(_, own)| own.motion == Some(Motion::Clock)) {
             near[state.index()] += SLACK * model.step * own.derivative.as_constant().unwrap_or(0.0);
         }
@@ -176,14 +181,7 @@ impl Equations<'_> {
         let slots = self.slots.borrow();
         let jumps = self.jumps.iter().map(|(state, slot)| (*state, slots[index::at(*slot)]));
         let due: Vec<(StateId, f64)> = jumps.filter(|(_, jump)| *jump != 0.0).collect();
-        let mut behind = states.clone();
-        due.iter().for_each(|(state, jump)| behind.0[state.index()] += jump);
-        (!due.is_empty()).then_some(behind)
-    }
-
-    /// Whether jumps are those of any time, and not of steps alone.
-    pub fn jumps_anywhere(&self) -> bool {
-        self.model.states.iter().all(|state| state.wait.is_none())
+        waiting.behind(states, &near, &due)
     }
 }
 
@@ -300,7 +298,7 @@ impl Piece<'_> {
     }
 
     /// What the states are behind the jumps that are due at a time, if any is.
-    pub fn jumped(&self, time: f64, states: &States) -> Option<States> {
+    pub fn jumped(&self, time: f64, states: &States) -> Option<Jumped> {
         self.equations.jumped(states, (self.middle(), time))
     }
 
@@ -317,6 +315,9 @@ impl Piece<'_> {
     pub fn state(&self, state: StateId, time: f64, states: &States) -> f64 {
         if let Some(number) = self.equations.delayed.iter().position(|delayed| *delayed == state) {
             return self.equations.history.borrow().value(number, time);
+        }
+        if let Some(left) = self.equations.waiting.borrow().left(state, time) {
+            return left;
         }
         let followed = self.equations.model.signal_at(state, self.middle(), time);
         followed.unwrap_or(states.0[state.index()])

@@ -15,6 +15,7 @@ mod interior;
 mod solution;
 mod states;
 mod stiff;
+mod waiting;
 
 use differential_equations::error::Error;
 use differential_equations::interpolate::Interpolation;
@@ -222,6 +223,7 @@ impl Integration<'_> {
         let (model, equations, steps) = (self.model, self.equations, self.steps);
         let mut samples = Trajectory::new(model.states.len());
         equations.history.borrow_mut().reset();
+        equations.waiting.borrow_mut().reset();
         self.scales.include(&beginning(model));
         piece_by_piece(model, equations, (times, steps), |piece, times, states| {
             self.scales.include(&states);
@@ -254,7 +256,7 @@ impl Integration<'_> {
     }
 
     /// Integrates to `target` within the piece, with the jumps on the way: whether one is due is looked at where steps of the
-    /// model end, and between two of these it is found by bisection.
+    /// model end and events are due that wait, and between two of these it is found by bisection.
     fn cross<M: Driven>(
         &mut self,
         method: &mut M,
@@ -268,19 +270,21 @@ impl Integration<'_> {
         let step = self.model.step;
         let (mut found, mut within) = (0, 0.0);
         while after(target, method.t()) {
-            let next = (libm::floor(method.t() / step + 1e-9) + 1.0) * step;
+            let end_of_step = (libm::floor(method.t() / step + 1e-9) + 1.0) * step;
+            let due = piece.equations.waiting.borrow().next().filter(|due| *due < end_of_step);
+            let next = due.unwrap_or(end_of_step);
             let (from, begin) = (method.t(), method.y().clone());
             let bends = piece.equations.history.borrow().bends();
             let known = self.scales.growing.then(|| self.scales.clone());
-            if next > within {
-                (found, within) = (0, next);
+            if end_of_step > within {
+                (found, within) = (0, end_of_step);
             }
             let mut end = if after(target, next) { next } else { target };
             while let Err(ended) = self.advance(method, piece, end, progress) {
                 // Where there is no solution up to the end of the step an event may come before.
                 end = 0.5 * (from + end);
                 let nothing_left = end - from <= TIME_RESOLUTION * end.max(step);
-                if nothing_left || ended.obstacle == Obstacle::TooManySteps || !piece.equations.jumps_anywhere() {
+                if nothing_left || ended.obstacle == Obstacle::TooManySteps {
                     return Err(ended);
                 }
                 {
@@ -293,15 +297,10 @@ impl Integration<'_> {
                 }
                 *method = self.start(piece, from, &begin, step)?;
             }
-            let is_step = (end / step - libm::round(end / step)).abs() < 1e-6;
-            let anywhere = piece.equations.jumps_anywhere();
-            if !is_step && !anywhere {
-                continue;
-            }
             let Some(mut behind) = piece.jumped(end, method.y()) else { continue };
             found += 1;
             let mut left = method.y().clone();
-            if anywhere && found < MOST_IN_STEP {
+            if found < MOST_IN_STEP {
                 let mut before = from;
                 piece.equations.history.borrow_mut().keep(false);
                 while end - before > TIME_RESOLUTION * end.max(step) {
@@ -331,6 +330,7 @@ impl Integration<'_> {
                 self.scales = known;
                 self.scales.include(&left);
             }
+            let behind = piece.equations.waiting.borrow_mut().take(end, behind);
             self.scales.include(&behind);
             let jumped = behind.0.iter().zip(&left.0).enumerate();
             self.jumps.extend(

@@ -85,7 +85,7 @@ impl Driver {
 
     /// The time that is left of points that are not done yet.
     pub fn forecast(&self, record: &Record, sweep: &Sweep) -> Forecast {
-        let families = family::families(record.pending(), family::has_functions(&sweep.loaded.model));
+        let families = family::families(record.pending(), &sweep.loaded.model);
         Forecast::new(sweep.estimate.planned(&families), self.threads)
     }
 

@@ -1,6 +1,7 @@
 //! Error against run time: the same bytes however it is computed, rows that can be computed alone, and a choice that
 //! meets its goal.
 
+use std::collections::HashSet;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -117,6 +118,32 @@ fn a_row_of_the_table_can_be_run_again_and_a_point_that_fails_is_infinitely_wron
     let stored = json(&target, "accuracy.json");
     assert_eq!(stored["reference_vouched"], true);
     assert!(stored["points"].as_array().unwrap().iter().any(|point| point["error"]["total"] == "inf"));
+}
+
+/// Each method finds events in steps of its own, so solutions are compared where its runs are; proposed steps divide delays.
+#[test]
+fn points_of_models_with_events_and_delays_are_compared_at_their_own_times() {
+    let folder = Folder::new("accuracy_events");
+    let path = folder.0.join("m.spec");
+    let text = "model m\nsolver rk4\nstep 1 ms\nspan 1 s\nstate x = 0\nstate y = 0\nx' = 1 - x\n\
+        y' = x(t - 5 ms) - 0.2*y\nwhen x > 0.5 after 3 ms { y = 1 }\noutput x, y\n";
+    fs::write(&path, text).expect("the spec can be written");
+    let target = folder.0.join("out");
+    succeeded(pe_synth("accuracy", &path, &target, &["--multiplier", "32x32"]));
+    let rows = table(&target);
+    let solvers: HashSet<&str> = rows.iter().map(|row| field(row, "solver")).collect();
+    assert!(rows.len() >= 20 && solvers.len() >= 8, "{} points of {solvers:?}", rows.len());
+    for (number, row) in rows.iter().enumerate() {
+        assert_eq!(field(row, "status"), "compiled", "{row:?}");
+        if number % 7 == 3 {
+            let alone = folder.0.join(format!("alone{number}"));
+            let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+            command.args(field(row, "command").split(' ').skip(1)).arg("-o").arg(&alone).current_dir(&folder.0);
+            succeeded(command.output().expect("pe-synth starts"));
+            let total = json(&alone, "report.json").pointer("/error/total").and_then(Value::as_f64);
+            assert_eq!(field(row, "error_total").parse::<f64>().ok(), total, "{row:?}");
+        }
+    }
 }
 
 #[test]

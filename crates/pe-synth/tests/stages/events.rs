@@ -7,6 +7,7 @@ use crate::support::bench::Folder;
 use crate::support::written::{self, compiled, graph_of, next};
 use pe_ir::model::Model;
 use pe_sim::double::DoubleRun;
+use pe_sim::reference;
 
 /// A model, and its states after each step.
 fn rows(text: &str) -> (Model, Vec<Vec<f64>>) {
@@ -208,5 +209,119 @@ fn choices_that_outputs_read_are_those_of_the_spec() {
         let time = model.time(step, 0.0);
         assert_eq!(run.output(1), f64::from(u8::from(time <= 1.0)), "step {step}");
         assert_eq!(run.output(0), f64::from(u8::from(time > 1.0)), "step {step}");
+    }
+}
+
+/// Delays count whole steps of whatever step a model takes, not of the spec's.
+#[test]
+fn a_delay_that_is_no_whole_number_of_steps_is_refused_at_every_step() {
+    let delays = [0.003, 1.0, 0.01];
+    let event = |(place, delay): (usize, &f64)| {
+        format!(
+            "state n{place} = 0\nn{place}' = 0\nwhen x > 0.{} after {delay} {{ n{place} = 1 }}\noutput n{place}\n",
+            place + 1
+        )
+    };
+    let events: String = delays.iter().enumerate().map(event).collect();
+    let (mut fitted, mut refused) = (0, 0);
+    for step in [1e-3, 5e-4, 2e-3, 3e-3, 2.5e-4, 4e-3, 5e-3, 1e-2, 1.5e-3] {
+        let mut model = compiled(&spec(1e-3, &format!("state x = 0\nx' = 1\n{events}")));
+        model.set_step(step);
+        let whole = |delay: &&f64| ((**delay / step).round() * step - **delay).abs() < 1e-9;
+        let should = delays.len() - delays.iter().filter(whole).count();
+        let Err(findings) = pe_hls::step::build(&model) else {
+            assert_eq!(should, 0, "{step}");
+            fitted += 1;
+            let rows = written::rows(&model);
+            for (place, delay) in delays.iter().enumerate() {
+                let name = format!("n{place}");
+                let column = model.states.iter().position(|state| state.name == name).expect("it is a state");
+                let first = rows.iter().position(|row| row[column] == 1.0).expect("it comes") as f64 * step;
+                let should = 0.1 * (place as f64 + 1.0) + delay;
+                assert!((-1e-9..=1.001 * step).contains(&(first - should)), "{name} comes at {first}, not {should}");
+            }
+            continue;
+        };
+        refused += 1;
+        assert!(findings.iter().all(|finding| finding.code == "E0412" && finding.span.is_some()), "{findings:?}");
+        assert_eq!(findings.len(), should, "{step}: {findings:?}");
+        let help = findings[0].help.clone().unwrap_or_default();
+        let (_, better) = help.split_once("--step ").unwrap_or_else(|| panic!("{help}"));
+        model.set_step(better.trim_end_matches('`').parse().expect("a number"));
+        assert!(model.step < step && pe_hls::step::build(&model).is_ok(), "{help}");
+    }
+    assert!(fitted >= 3 && refused >= 5, "{fitted} fit, {refused} refused");
+}
+
+/// A delay that is computed is rounded to whole steps, one at least, each time anew.
+#[test]
+fn a_computed_delay_leaves_nothing_behind() {
+    for (delay, steps) in [(0.0023, 2), (0.0026, 3), (0.0002, 1), (0.0, 1), (-0.004, 1), (0.0041, 4)] {
+        let body = format!(
+            "state x = 0\nstate n = 0\nstate d = {delay}\nx' = 7.3\nn' = 0\nd' = 0\nwhen x >= 1 {{ x = 0 }}\n\
+             when x > 0.5 after d {{ n = n + 1 }}\noutput x, n, d\n"
+        );
+        let (_, rows) = rows(&spec(1e-3, &body));
+        let (mut due, mut fired, mut above) = (None, 0, false);
+        for (step, pair) in rows.windows(2).enumerate() {
+            if due == Some(step) {
+                assert_eq!(pair[1][1], pair[0][1] + 1.0, "{delay} s at step {step}");
+                fired += 1;
+            } else {
+                assert_eq!(pair[1][1], pair[0][1], "{delay} s at step {step}, due {due:?}");
+            }
+            let now = pair[1][0] > 0.5;
+            if now && !above {
+                due = Some(step + steps);
+            }
+            above = now;
+        }
+        assert!(fired >= 13, "{delay}: {fired}");
+    }
+}
+
+/// The reference solution takes events when they are due, wherever steps end: so what being late costs is in the total error.
+#[test]
+fn the_reference_takes_delayed_events_at_their_times() {
+    for (step, delay, computed) in [(1e-3, 0.003, false), (0.02, 0.06, false), (0.02, 0.047, true), (5e-3, 0.2, false)]
+    {
+        let after = if computed { "d".to_owned() } else { format!("{delay}") };
+        let body = format!(
+            "state x = 0\nstate y = 0\nstate n = 0\nstate d = {delay}\nx' = 3.7\ny' = n\nn' = 0\nd' = 0\n\
+             when x >= 1 {{ x = 0 }}\nwhen x > 0.5 after {after} {{ n = n + 1 }}\noutput x, y, n\n"
+        );
+        let model = compiled(&spec(step, &body));
+        let times: Vec<f64> = (1..=20).map(|sample| 0.1 * f64::from(sample)).collect();
+        let solved = reference::solve(&model, &times, reference::TOLERANCE, &mut |_| {}).expect("it has a solution");
+        let second = reference::solve_by_second_method(&model, &times, reference::TOLERANCE).expect("another one");
+        let column = |name: &str| model.states.iter().position(|state| state.name == name).expect("it is a state");
+        let mut largest = 0.0_f64;
+        for (row, time) in times.iter().enumerate() {
+            let fires = (0..).map(|event| (0.5 + f64::from(event)) / 3.7 + delay).take_while(|fires| fires < time);
+            let should: f64 = fires.map(|fires| time - fires).sum();
+            for states in [&solved.samples, &second.states.samples] {
+                let y = states[row * model.states.len() + column("y")];
+                assert!((y - should).abs() < 1e-9, "step {step}, after {after}: y({time}) is {y}, not {should}");
+            }
+            largest = largest.max(should);
+        }
+        assert!(largest > 3.0, "something must happen: {largest}");
+    }
+}
+
+/// Events that wait at time zero wait as long with any step.
+#[test]
+fn what_waits_at_time_zero_is_counted_in_the_steps_of_the_run() {
+    for delay in ["0.012", "d"] {
+        let body = format!(
+            "state n = 0\nstate d = 0.012\nn' = 0\nd' = 0\nwhen time >= 0 after {delay}, initially {{ n = 1 }}\noutput n\n"
+        );
+        for step in [1e-3, 2e-3, 4e-3, 5e-4] {
+            let mut model = compiled(&spec(1e-3, &body));
+            model.set_step(step);
+            let rows = written::rows(&model);
+            let first = rows.iter().position(|row| row[0] == 1.0).expect("it comes");
+            assert!((first as f64 * step - 0.012).abs() < 1e-9, "after {delay}, step {step}: at step {first}");
+        }
     }
 }
