@@ -30,6 +30,9 @@ const RELAYS: [u32; 4] = [1, 2, 4, 8];
 /// Mappings from which ones are made in which equations with the same tables are together.
 const GATHERED: usize = 2;
 
+/// A step that takes no more than this times the products of its fullest PE gains little from other mappings.
+const TIGHT: f64 = 1.05;
+
 /// Options of the network.
 #[derive(Clone, Debug)]
 pub struct Network {
@@ -39,8 +42,19 @@ pub struct Network {
     pub exact: bool,
     /// Seed of the annealer.
     pub seed: u64,
-    /// The mapping that the user gives, and the number of relays in it.
-    pub given: Option<(Mapping, u32)>,
+    /// The mapping that the user gives.
+    pub given: Option<Given>,
+}
+
+/// A mapping that the user gives.
+#[derive(Clone, Debug)]
+pub struct Given {
+    /// The PE of each equation.
+    pub mapping: Mapping,
+    /// The number of relays of hubs in it.
+    pub relays: u32,
+    /// Whether it names relays on the routes of values, which are found anew.
+    pub hops: bool,
 }
 
 /// A step graph to map: without relays, with a number of them, or with those on the routes of one mapping.
@@ -79,16 +93,47 @@ impl<'a> Alternative<'a> {
         Some((Alternative { least, ..routed }, Candidate { mapping, cost, ..candidate }))
     }
 
-    /// [`Alternative::routed`] of mappings that are annealed for it, where there are routes.
-    fn all_routed(
+    /// Mappings of the alternative, and mappings from which routes over other PEs lead to such with as many ports as aimed at.
+    ///
+    /// More ports are a cost and no limit, unless the user set it: where the aim binds, mappings are annealed without one, too.
+    fn mapped(
         &self,
-        fixed: &FixedPoint,
-        options: &MapOptions,
-        ports: u32,
+        at: impl Fn(u32) -> MapOptions,
+        options: &MappingOptions,
         known: &Known,
-    ) -> Vec<(Self, Candidate)> {
-        let candidates = known.annealed(&self.problem, options).unwrap_or_default();
-        candidates.into_iter().filter_map(|candidate| self.routed(fixed, candidate, ports)).collect()
+    ) -> Result<Mapped, MapError> {
+        let (aim, most) = (options.ports(), options.most_ports());
+        let first = known.annealed(&self.problem, &at(aim))?;
+        let within = |candidates: &[Candidate]| -> Vec<Candidate> {
+            candidates.iter().filter(|candidate| candidate.cost.max_in_degree <= most).cloned().collect()
+        };
+        let mut direct = within(&first);
+        let binds = match options.max_in_degree {
+            Some(_) => direct.is_empty() || at(aim).pes > aim + 1,
+            None => self.relays == 0 && self.binds(&first, aim, known),
+        };
+        let mut routed = Vec::new();
+        if self.relays == 0 && binds {
+            if first.iter().all(|candidate| candidate.cost.max_in_degree > aim) {
+                routed.clone_from(&first);
+            }
+            let free = known.annealed(&self.problem, &at(MappingOptions::MOST_PORTS))?;
+            if options.max_in_degree.is_none() {
+                direct.extend(within(&free));
+            }
+            routed.extend(free);
+        }
+        let error = || mapping::within(&self.problem, &at(aim), first).expect_err("none is within the limit");
+        let refused = direct.is_empty().then(error);
+        Ok(Mapped { direct, routed, refused })
+    }
+
+    /// Whether some mapping takes as many ports as aimed at, and the first one is scheduled with cycles to spare.
+    fn binds(&self, mappings: &[Candidate], aim: u32, known: &Known) -> bool {
+        let takes_all = |candidate: &Candidate| candidate.cost.max_in_degree >= aim;
+        let Some(first) = mappings.first().filter(|_| mappings.iter().any(takes_all)) else { return false };
+        let draft = known.schedule(&self.graph, &first.mapping, Latency::of(&self.fixed.format), true);
+        takes_all(first) || f64::from(draft.period) > TIGHT * f64::from(first.cost.max_load)
     }
 
     /// Whether values are copied that the step itself does not copy.
@@ -129,6 +174,15 @@ impl<'a> Alternative<'a> {
     }
 }
 
+/// What is found for an alternative.
+struct Mapped {
+    direct: Vec<Candidate>,
+    /// Mappings from which routes lead to others.
+    routed: Vec<Candidate>,
+    /// Why there is no direct one.
+    refused: Option<MapError>,
+}
+
 /// Mappings of all alternatives for one number of PEs.
 pub struct Candidates<'a> {
     /// The alternatives that can be mapped, the one without relays first if it is among them.
@@ -143,14 +197,12 @@ pub struct Candidates<'a> {
     pub gathered: usize,
     /// Blocks of the base memories of each mapping, about, if the step has tables.
     pub blocks: Vec<u32>,
-    /// Most input ports that they may have.
-    pub ports: u32,
     starts: usize,
 }
 
 impl<'a> Candidates<'a> {
     /// Maps the equations, or takes the mapping that is given. A default number of PEs is halved as long as some PE would
-    /// need too many input ports with and without relays; for a number that is asked for a default limit of ports is raised.
+    /// need more input ports than it can have, with and without relays.
     ///
     /// # Errors
     /// That of the step without relays, if no alternative has a mapping.
@@ -162,8 +214,8 @@ impl<'a> Candidates<'a> {
         known: &Known,
     ) -> Result<Self, MapError> {
         let mut plain = Some(Alternative::new(Arc::clone(graph), Cow::Borrowed(fixed), 0, None));
-        let relayed = |pes, ports, relays| Alternative::with_relays(graph, fixed, pes, ports, relays);
-        let (ports, starts) = (options.ports(), 0);
+        let aim = options.ports();
+        let relayed = |pes, relays| Alternative::with_relays(graph, fixed, pes, aim, relays);
         let mut set = Candidates {
             alternatives: Vec::new(),
             candidates: Vec::new(),
@@ -171,13 +223,12 @@ impl<'a> Candidates<'a> {
             plain: 0,
             gathered: 0,
             blocks: Vec::new(),
-            ports,
-            starts,
+            starts: 0,
         };
-        if let Some((mapping, relays)) = &network.given {
+        if let Some(Given { mapping, relays, hops }) = &network.given {
             let alternative =
-                (*relays > 0).then(|| relayed(mapping.pes, ports, *relays)).flatten().or(plain).expect("one of two");
-            let most = options.most_ports();
+                (*relays > 0).then(|| relayed(mapping.pes, *relays)).flatten().or(plain).expect("one of two");
+            let most = if *hops { aim } else { options.most_ports() };
             let (alternative, candidate) = match mapping::given(&alternative.problem, mapping, most) {
                 Ok(candidate) => (alternative, candidate),
                 Err(error) if relays > &0 => return Err(error),
@@ -186,7 +237,6 @@ impl<'a> Candidates<'a> {
                     alternative.routed(fixed, candidate, most).ok_or(error)?
                 }
             };
-            set.ports = ports.max(candidate.cost.max_in_degree);
             set.of_given(alternative, candidate);
             return Ok(set);
         }
@@ -196,59 +246,53 @@ impl<'a> Candidates<'a> {
         let useful = |pes: u32| if network.exact { pes } else { pes.min(first.problem.equations()) };
         let default = || default_pes(&first.optimistic, Latency::of(&fixed.format));
         let mut pes = network.pes.map_or_else(default, useful);
-        let map_options = |pes: u32, alternative: &Alternative, max_in_degree: u32| MapOptions {
+        let map_options = |pes: u32, equations: u32, max_in_degree: u32| MapOptions {
             pes,
             seed: network.seed,
-            tries: options.tries.unwrap_or_else(|| MapOptions::default_tries(alternative.problem.equations())),
+            tries: options.tries.unwrap_or_else(|| MapOptions::default_tries(equations)),
             max_in_degree,
         };
         loop {
             let mut refused = None;
-            let ports = set.ports;
-            let with_relays = RELAYS.iter().filter_map(|relays| relayed(pes, ports, *relays).filter(|_| !*looped));
+            let with_relays = RELAYS.iter().filter_map(|relays| relayed(pes, *relays).filter(|_| !*looped));
             for alternative in plain.take().into_iter().chain(with_relays) {
-                let mapped = known.mapped(&alternative.problem, &map_options(pes, &alternative, ports));
-                let bounded = options.max_in_degree.is_some() && (mapped.is_err() || pes > ports + 1);
-                let bounded = bounded && alternative.relays == 0;
-                let wanted = [mapped.is_err().then_some(ports), Some(MappingOptions::MOST_PORTS)];
-                let routed = wanted.into_iter().flatten().filter(|_| bounded).flat_map(|wanted| {
-                    let options = map_options(pes, &alternative, wanted);
-                    alternative.all_routed(fixed, &options, ports, known)
-                });
+                let equations = alternative.problem.equations();
+                let mapped = alternative.mapped(|ports| map_options(pes, equations, ports), options, known)?;
+                let routed =
+                    mapped.routed.into_iter().filter_map(|candidate| alternative.routed(fixed, candidate, aim));
                 let routed: Vec<(Alternative, Candidate)> = routed.collect();
-                match mapped {
-                    Ok(candidates) => set.add(alternative, candidates),
-                    Err(error) if alternative.relays == 0 => {
+                match mapped.refused {
+                    None => set.add(alternative, mapped.direct, aim),
+                    Some(error) if alternative.relays == 0 => {
                         refused = Some(error);
                         plain = Some(alternative);
                     }
-                    Err(_) => {}
+                    Some(_) => {}
                 }
                 set.starts += routed.len();
                 routed.into_iter().for_each(|(alternative, candidate)| set.take(alternative, [candidate]));
             }
-            match refused {
-                Some(MapError::InDegree { .. }) if set.of.is_empty() && network.pes.is_none() && pes > 1 => pes /= 2,
-                Some(MapError::InDegree { .. }) if set.of.is_empty() && set.ports < options.most_ports() => {
-                    set.ports = (2 * set.ports + 1).min(options.most_ports());
-                }
-                Some(error) if set.of.is_empty() => return Err(error),
-                _ => break,
+            match refused.filter(|_| set.of.is_empty()) {
+                Some(MapError::InDegree { .. }) if network.pes.is_none() && pes > 1 => pes /= 2,
+                Some(error) => return Err(error),
+                None => break,
             }
         }
-        set.gather(&map_options(pes, &set.alternatives[0], set.ports));
+        let equations = set.alternatives[0].problem.equations();
+        set.gather(|ports| map_options(pes, equations, ports), aim);
         Ok(set)
     }
 
     /// Adds mappings in which equations with the same tables are together, made from the best ones of the step as it is,
     /// where that saves blocks of memory.
-    fn gather(&mut self, options: &MapOptions) {
+    fn gather(&mut self, options: impl Fn(u32) -> MapOptions, aim: u32) {
         let plain = &self.alternatives[0];
         let tables = if plain.copies() { None } else { Tables::of(&plain.graph, &plain.fixed) };
         let Some(tables) = tables else { return };
         let first = self.candidates.iter().zip(&self.of).filter(|(_, of)| **of == 0).take(GATHERED);
         let gathered = first.filter_map(|(candidate, _)| {
-            let other = mapping::gathered(&plain.problem, &tables, candidate, options)?;
+            let options = options(aim.max(candidate.cost.max_in_degree));
+            let other = mapping::gathered(&plain.problem, &tables, candidate, &options)?;
             (tables.blocks(&other.mapping) < tables.blocks(&candidate.mapping)).then_some(other)
         });
         let gathered: Vec<Candidate> = gathered.collect();
@@ -259,11 +303,10 @@ impl<'a> Candidates<'a> {
     }
 
     /// Adds an alternative with its mappings and those evened out under the pairs they allow.
-    fn add(&mut self, alternative: Alternative<'a>, candidates: Vec<Candidate>) {
+    fn add(&mut self, alternative: Alternative<'a>, candidates: Vec<Candidate>, aim: u32) {
         self.starts += candidates.len();
-        let ports = self.ports;
-        let evened: Vec<Candidate> =
-            candidates.iter().filter_map(|candidate| alternative.evened(candidate, ports)).collect();
+        let evened = |candidate: &Candidate| alternative.evened(candidate, aim.max(candidate.cost.max_in_degree));
+        let evened: Vec<Candidate> = candidates.iter().filter_map(evened).collect();
         self.take(alternative, candidates.into_iter().chain(evened));
     }
 
@@ -296,39 +339,51 @@ impl<'a> Candidates<'a> {
     }
 }
 
-/// The mapping of a file, and the number of relays in it.
+/// The mapping of a file.
 ///
 /// # Errors
 /// An equation of the step, or one of its relays, is not in the file, or the file has others.
-pub fn given(file: &MappingFile, graph: &StepGraph, max_in_degree: u32) -> Result<(Mapping, u32), Failure> {
-    let relays = file.relays();
+pub fn given(file: &MappingFile, graph: &StepGraph, max_in_degree: u32) -> Result<Given, Failure> {
+    let (relays, hops) = (file.relays(), file.hops());
     let relayed = (relays > 0).then(|| relay(graph, file.pes(), max_in_degree, relays)).flatten();
     match relayed {
-        Some(relayed) => Ok((file.mapping(&relayed.graph)?, relays)),
-        None => Ok((file.mapping(graph)?, 0)),
+        Some(relayed) => Ok(Given { mapping: file.mapping(&relayed.graph)?, relays, hops }),
+        None => Ok(Given { mapping: file.mapping(graph)?, relays: 0, hops }),
     }
 }
 
 /// Warnings about a network that has fewer PEs than asked for, PEs with more ports than usual, or values that are copied
-/// on their way.
-pub fn other_than_asked(network: &Network, options: &MappingOptions, taken: &Candidates) -> Vec<Diagnostic> {
-    let (pes, ports) = (taken.candidates[0].mapping.pes, taken.ports);
+/// on their way: of the candidate that was taken.
+pub fn other_than_asked(
+    network: &Network,
+    options: &MappingOptions,
+    alternative: &Alternative,
+    taken: &Candidate,
+) -> Vec<Diagnostic> {
+    let (pes, aim, ports) = (taken.mapping.pes, options.ports(), taken.cost.max_in_degree);
     let mut warnings = Vec::new();
     if let Some(asked) = network.pes.filter(|asked| *asked > pes) {
         let message = format!("{pes} PEs in place of {asked}: the step has no more equations");
         let help = "more PEs than equations would stand idle; `--pes` says how many there are at most";
         warnings.push(Diagnostic::global(codes::FEWER_PES, message).with_help(help).into_warning());
     }
-    if ports > options.ports() {
-        let message = format!("up to {ports} input ports are given to a PE, as {} do not do", options.ports());
-        let help =
-            "wide multiplexers take cells and lower the clock: fewer PEs need fewer; `--max-in-degree` sets a bound";
+    if ports > aim {
+        let message = format!("PEs have up to {ports} input ports; {aim} are usual");
+        let help = "they save time, and wide multiplexers take cells: `--max-in-degree` sets a bound";
         warnings.push(Diagnostic::global(codes::MANY_PORTS, message).with_help(help).into_warning());
     }
-    if taken.alternatives.iter().any(|alternative| alternative.hops() > 0) {
-        let message = format!("values travel over other PEs, which copy them: {ports} input ports for a PE do not do");
-        let help = "each copy takes an issue slot, and its readers wait for it: more ports with `--max-in-degree`, or \
-                    fewer PEs, save cycles";
+    if alternative.hops() > 0 {
+        let message = format!("values travel over other PEs, which copy them: {aim} input ports for a PE do not do");
+        let help = match options.max_in_degree {
+            Some(_) => {
+                "each copy takes an issue slot, and its readers wait for it: more ports with `--max-in-degree`, or \
+                 fewer PEs, save cycles"
+            }
+            None => {
+                "each copy takes an issue slot, and its readers wait for it; no mapping with more ports was found that \
+                 takes less time"
+            }
+        };
         warnings.push(Diagnostic::global(codes::HOPS, message).with_help(help).into_warning());
     }
     warnings

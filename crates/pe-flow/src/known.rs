@@ -36,11 +36,6 @@ impl Known {
         self.mappings.get((problem.clone(), *options), size, find)
     }
 
-    /// The mappings of [`mapping::map`].
-    pub(crate) fn mapped(&self, problem: &mapping::Problem, options: &MapOptions) -> Result<Vec<Candidate>, MapError> {
-        mapping::within(problem, options, self.annealed(problem, options)?)
-    }
-
     /// The schedule of a mapped step graph, or a first one.
     pub(crate) fn schedule(&self, graph: &StepGraph, mapping: &Mapping, latency: Latency, draft: bool) -> Schedule {
         let problem = schedule::Problem::new(graph, mapping, latency);

@@ -122,6 +122,11 @@ impl MappingFile {
         self.lines.iter().filter(|line| is_relay(&line.equation)).count() as u32
     }
 
+    /// Whether there are relays on the routes of values among its equations.
+    pub fn hops(&self) -> bool {
+        self.lines.iter().any(|line| is_hop(&line.equation))
+    }
+
     /// The mapping of a step graph. Relays on the routes of values follow from it, so that their lines say nothing.
     ///
     /// # Errors

@@ -36,7 +36,7 @@ use crate::elimination::{self, Trial};
 use crate::failure::Failure;
 use crate::known::Known;
 use crate::mapping_file::MappingFile;
-use crate::selection;
+use crate::selection::{self, Price};
 use crate::settings::{MappingOptions, Settings, StageLoop, step_options};
 use crate::sized;
 use crate::spec::LoadedModel;
@@ -326,8 +326,8 @@ pub fn implement(
         },
     );
     let mapped = mapped.map_err(|error| candidates::failure(error, graph, loaded))?;
-    watch.warn(&candidates::other_than_asked(&network, mapping_options, &mapped), &loaded.sources);
-    let Candidates { alternatives, candidates, of, plain, gathered, blocks, ports, .. } = mapped;
+    let price = Price::of(&judged.fixed.format);
+    let Candidates { alternatives, candidates, of, plain, gathered, blocks, .. } = mapped;
     let taken_pes = candidates[0].mapping.pes;
     let alternative = |index: usize| &alternatives[of[index]];
     let pairs: Vec<Option<Paired>> = (candidates.iter().zip(&of))
@@ -348,7 +348,7 @@ pub fn implement(
             let ends = [0, plain, candidates.len() - gathered, candidates.len()];
             let parts = ends.windows(2).map(|ends| ends[0]..ends[1]);
             let schedules = |part: Range<usize>| {
-                selection::schedules(&graphs[part.clone()], &candidates[part], latency, ports, known, say)
+                selection::schedules(&graphs[part.clone()], &candidates[part], latency, price, known, say)
             };
             parts.flat_map(schedules).collect()
         },
@@ -357,9 +357,9 @@ pub fn implement(
         },
     );
     let others = candidates.len() - gathered;
-    let mut order = selection::rank(&candidates[..others], &schedules[..others], ports, plain);
+    let mut order = selection::rank(&candidates[..others], &schedules[..others], price, plain);
     order.extend(others..candidates.len());
-    selection::prefer_gathered(&mut order, &candidates, &schedules, &blocks, (gathered, ports));
+    selection::prefer_gathered(&mut order, &candidates, &schedules, &blocks, (gathered, price));
     let starts: Vec<StartResult> = order
         .iter()
         .map(|index| StartResult {
@@ -373,6 +373,8 @@ pub fn implement(
         .collect();
     let taken = order[0];
     let alternative = alternative(taken);
+    let told = candidates::other_than_asked(&network, mapping_options, alternative, &candidates[taken]);
+    watch.warn(&told, &loaded.sources);
     let schedule = schedules.into_iter().nth(taken).expect("ranked above");
     let candidate = candidates.into_iter().nth(taken).expect("ranked above");
     let paired = pairs.into_iter().nth(taken).expect("ranked above");
@@ -483,7 +485,8 @@ fn step_for(
     watch: &mut Stopwatch,
 ) -> Result<StepGraph, Failure> {
     let format = point.format(&loaded.model).map_err(Failure::Usage)?;
-    let graph = build(loaded, point, mapping_options, watch)?;
+    // The form of the step depends on the number of PEs, which a mapping file may have.
+    let graph = build(loaded, &DesignPoint { pes, ..*point }, mapping_options, watch)?;
     if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
         return Ok(graph);
     }

@@ -1,11 +1,12 @@
 //! Selection of a mapping: schedules the candidates that can still win, and ranks them.
 
-use pe_hls::mapping::Candidate;
+use pe_hls::mapping::{Candidate, MapOptions};
 use pe_ir::graph::StepGraph;
 use pe_ir::index::List;
 use pe_ir::memory::BLOCK_LUTS;
 use pe_ir::schedule::Schedule;
-use pe_ir::word::Latency;
+use pe_ir::word::{Latency, Pipeline, WordFormat};
+use pe_target::clock::slower_with_ports;
 
 use crate::known::Known;
 
@@ -15,13 +16,33 @@ const CONNECTION_LUTS: f64 = 32.0;
 /// Schedules that are this much longer than the shortest are not considered, however few connections they have.
 const PERIOD_TOLERANCE: f64 = 1.02;
 
+/// What a step with a candidate takes: cycles, at the clock that its input ports allow. Each doubling of the ports beyond
+/// the usual number has to save as much as [`PERIOD_TOLERANCE`] allows, for the cells of the multiplexers.
+#[derive(Clone, Copy, Debug)]
+pub struct Price(Pipeline);
+
+impl Price {
+    /// The price of ports with a pipeline.
+    pub fn of(format: &WordFormat) -> Price {
+        Price(format.pipeline)
+    }
+
+    /// The time of so many cycles.
+    fn time(self, cycles: u32, candidate: &Candidate) -> f64 {
+        let (ports, usual) = (f64::from(candidate.cost.max_in_degree), f64::from(MapOptions::DEFAULT_MAX_IN_DEGREE));
+        let doublings = libm::log2(ports.max(usual) / usual);
+        let slower = slower_with_ports(self.0, candidate.cost.max_in_degree);
+        f64::from(cycles) * slower * libm::pow(PERIOD_TOLERANCE, doublings)
+    }
+}
+
 /// A schedule of each candidate with its step graph. All get a draft; those that could still be the first by [`rank`] if
 /// their products filled every cycle get the best schedule that can be found. `say` is told what is under way.
 pub fn schedules(
     graphs: &[&StepGraph],
     candidates: &[Candidate],
     latency: Latency,
-    max_in_degree: u32,
+    price: Price,
     known: &Known,
     say: &dyn Fn(String),
 ) -> Vec<Schedule> {
@@ -32,7 +53,7 @@ pub fn schedules(
     let mut schedules: Vec<Schedule> = candidates.iter().zip(graphs).map(draft).collect();
     let periods: Vec<u32> = schedules.iter().map(|schedule| schedule.period).collect();
     let loads: Vec<u32> = candidates.iter().zip(graphs).map(|(candidate, graph)| load(graph, candidate)).collect();
-    for index in contenders(candidates, &loads, &periods, max_in_degree) {
+    for index in contenders(candidates, &loads, &periods, price) {
         say(format!("{}, second pass", candidates[index].start));
         schedules[index] = known.schedule(graphs[index], &candidates[index].mapping, latency, false);
     }
@@ -48,40 +69,36 @@ fn load(graph: &StepGraph, candidate: &Candidate) -> u32 {
     loads.into_iter().max().unwrap_or(0)
 }
 
-/// Candidates with the ports whose largest load leaves them room to win against what the others have reached.
-fn contenders(candidates: &[Candidate], loads: &[u32], periods: &[u32], max_in_degree: u32) -> Vec<usize> {
-    let permitted = || (0..candidates.len()).filter(|index| candidates[*index].cost.max_in_degree <= max_in_degree);
-    let least = |index: usize| f64::from(loads[index]);
-    let period = |index: usize| f64::from(periods[index]);
+/// Candidates whose largest load leaves them room to win against what the others have reached.
+fn contenders(candidates: &[Candidate], loads: &[u32], periods: &[u32], price: Price) -> Vec<usize> {
+    let all = || 0..candidates.len();
+    let least = |index: usize| price.time(loads[index], &candidates[index]);
+    let time = |index: usize| price.time(periods[index], &candidates[index]);
     let connections = |index: usize| f64::from(candidates[index].cost.connections.max(1));
-    let shortest = permitted().map(least).fold(f64::INFINITY, f64::min);
+    let shortest = all().map(least).fold(f64::INFINITY, f64::min);
     // Whoever reached this can no longer be too slow; the best product among them is to be beaten.
-    let safe = permitted().filter(|index| period(*index) <= shortest * PERIOD_TOLERANCE);
-    let to_beat = safe.map(|index| period(index) * connections(index)).fold(f64::INFINITY, f64::min);
-    let fastest = permitted().map(period).fold(f64::INFINITY, f64::min);
+    let safe = all().filter(|index| time(*index) <= shortest * PERIOD_TOLERANCE);
+    let to_beat = safe.map(|index| time(index) * connections(index)).fold(f64::INFINITY, f64::min);
+    let fastest = all().map(time).fold(f64::INFINITY, f64::min);
     let can_win = |index: &usize| {
         let least = least(*index);
-        least <= fastest * PERIOD_TOLERANCE && least < period(*index) && least * connections(*index) <= to_beat
+        least <= fastest * PERIOD_TOLERANCE && least < time(*index) && least * connections(*index) <= to_beat
     };
-    permitted().filter(can_win).collect()
+    all().filter(can_win).collect()
 }
 
-/// Candidates from best to worst: cycles x connections (the paper's objective) among the fastest that have the ports.
+/// Candidates from best to worst: time x connections (the paper's objective has cycles for the time) among the fastest.
 /// The first ones, as many as `plain` says, do without relays; one with relays has to have a smaller product than the best
 /// of them.
-pub fn rank(candidates: &[Candidate], schedules: &[Schedule], max_in_degree: u32, plain: usize) -> Vec<usize> {
-    let excess = |index: usize| candidates[index].cost.max_in_degree.saturating_sub(max_in_degree);
-    let product =
-        |index: usize| u64::from(schedules[index].period) * u64::from(candidates[index].cost.connections.max(1));
+pub fn rank(candidates: &[Candidate], schedules: &[Schedule], price: Price, plain: usize) -> Vec<usize> {
+    let time = |index: usize| price.time(schedules[index].period, &candidates[index]);
+    let product = |index: usize| time(index) * f64::from(candidates[index].cost.connections.max(1));
     let order = |among: usize, useless: &dyn Fn(usize) -> bool| {
-        let permitted = (0..among).filter(|&index| excess(index) == 0 && !useless(index));
-        let shortest = permitted.map(|index| schedules[index].period).min().unwrap_or(0);
-        let longest = f64::from(shortest) * PERIOD_TOLERANCE;
+        let shortest = (0..among).filter(|&index| !useless(index)).map(time).fold(f64::INFINITY, f64::min);
+        let longest = shortest * PERIOD_TOLERANCE;
         let mut order: Vec<usize> = (0..among).collect();
-        order.sort_by_key(|&index| {
-            let slow = f64::from(schedules[index].period) > longest;
-            (useless(index), excess(index), slow, product(index), index)
-        });
+        let place = |index: usize| (useless(index), time(index) > longest);
+        order.sort_by(|&a, &b| place(a).cmp(&place(b)).then(product(a).total_cmp(&product(b))).then(a.cmp(&b)));
         order
     };
     let best = order(plain, &|_| false).first().copied();
@@ -96,17 +113,14 @@ pub fn prefer_gathered(
     candidates: &[Candidate],
     schedules: &[Schedule],
     blocks: &[u32],
-    (gathered, max_in_degree): (usize, u32),
+    (gathered, price): (usize, Price),
 ) {
     let Some(first) = order.first().copied().filter(|_| gathered > 0) else { return };
     let luts = |index: usize| {
         BLOCK_LUTS * f64::from(blocks[index]) + CONNECTION_LUTS * f64::from(candidates[index].cost.connections)
     };
-    let is_better = |index: &usize| {
-        candidates[*index].cost.max_in_degree <= max_in_degree
-            && schedules[*index].period <= schedules[first].period
-            && luts(*index) < luts(first)
-    };
+    let time = |index: usize| price.time(schedules[index].period, &candidates[index]);
+    let is_better = |index: &usize| time(*index) <= time(first) && luts(*index) < luts(first);
     let last = candidates.len() - gathered..candidates.len();
     let best = last.filter(is_better).min_by(|a, b| luts(*a).total_cmp(&luts(*b)).then(a.cmp(b)));
     if let Some(place) = best.and_then(|best| order.iter().position(|index| *index == best)) {
@@ -120,8 +134,14 @@ mod tests {
 
     use super::*;
 
+    const PRICE: Price = Price(Pipeline::Short);
+
     fn candidate(max_load: u32, connections: u32) -> Candidate {
-        let cost = MappingCost { max_load, connections, max_in_degree: 1 };
+        with_ports(max_load, connections, 1)
+    }
+
+    fn with_ports(max_load: u32, connections: u32, max_in_degree: u32) -> Candidate {
+        let cost = MappingCost { max_load, connections, max_in_degree };
         Candidate { mapping: Mapping { pes: 1, pe_of: List::new() }, cost, start: "test", start_cost: cost }
     }
 
@@ -131,11 +151,13 @@ mod tests {
         // The second is at 101 x 40; the first can reach 100 x 50 at best, the third has nothing to gain, and the
         // fourth is too slow whatever happens.
         let loads = [100, 100, 100, 103];
-        assert_eq!(contenders(&candidates[..2], &loads, &[110, 101], 1), [1]);
-        assert_eq!(contenders(&candidates, &loads, &[110, 101, 100, 103], 1), [0; 0]);
+        assert_eq!(contenders(&candidates[..2], &loads, &[110, 101], PRICE), [1]);
+        assert_eq!(contenders(&candidates, &loads, &[110, 101, 100, 103], PRICE), [0; 0]);
         // As long as nobody is certain to be fast enough, all go on.
-        assert_eq!(contenders(&candidates[..2], &loads, &[110, 103], 1), [0, 1]);
-        assert_eq!(contenders(&candidates[..2], &loads, &[110, 103], 0), [0; 0], "none has the ports");
+        assert_eq!(contenders(&candidates[..2], &loads, &[110, 103], PRICE), [0, 1]);
+        // What has many ports has to be so much faster.
+        let wide = [with_ports(100, 50, 60), candidate(101, 50)];
+        assert_eq!(contenders(&wide, &[103, 101], &[110, 103], PRICE), [1]);
     }
 
     #[test]
@@ -144,7 +166,7 @@ mod tests {
         let schedule = |period| Schedule { period, starts: List::new(), order: Vec::new(), transfers: Vec::new() };
         let first = |periods: [u32; 4], blocks: [u32; 4]| {
             let mut order = vec![0, 1, 2, 3];
-            prefer_gathered(&mut order, &candidates, &periods.map(schedule), &blocks, (2, 1));
+            prefer_gathered(&mut order, &candidates, &periods.map(schedule), &blocks, (2, PRICE));
             order
         };
         assert_eq!(first([100; 4], [10, 10, 8, 4]), [3, 0, 1, 2], "fewest blocks");
@@ -152,7 +174,7 @@ mod tests {
         assert_eq!(first([100, 100, 101, 101], [10, 10, 8, 4]), [0, 1, 2, 3], "slower");
         assert_eq!(first([100; 4], [10, 2, 10, 10]), [0, 1, 2, 3], "not gathered");
         let mut order = vec![0, 1];
-        prefer_gathered(&mut order, &candidates[..2], &[schedule(9), schedule(9)], &[], (0, 1));
+        prefer_gathered(&mut order, &candidates[..2], &[schedule(9), schedule(9)], &[], (0, PRICE));
         assert_eq!(order, [0, 1], "no tables");
     }
 
@@ -160,14 +182,35 @@ mod tests {
     fn relays_have_to_save_something() {
         let candidates = [candidate(100, 50), candidate(100, 40), candidate(100, 35), candidate(100, 10)];
         let schedule = |period| Schedule { period, starts: List::new(), order: Vec::new(), transfers: Vec::new() };
-        let ranked = |periods: [u32; 4]| rank(&candidates, &periods.map(schedule), 1, 2);
+        let ranked = |periods: [u32; 4]| rank(&candidates, &periods.map(schedule), PRICE, 2);
         assert_eq!(ranked([100, 101, 100, 120]), [2, 1, 0, 3], "a smaller product, and not too slow");
         assert_eq!(ranked([100, 101, 140, 120])[0], 1, "too slow");
         // Faster, but at a larger product than the best without relays, which so would be too slow.
         let last = [candidate(100, 40), candidate(100, 50)];
         let schedules = [100, 90].map(schedule);
-        assert_eq!(rank(&last, &schedules, 1, 1), [0, 1]);
-        assert_eq!(rank(&last, &schedules, 1, 2), [1, 0]);
-        assert_eq!(rank(&last, &schedules, 1, 0), [1, 0], "nothing to compare with");
+        assert_eq!(rank(&last, &schedules, PRICE, 1), [0, 1]);
+        assert_eq!(rank(&last, &schedules, PRICE, 2), [1, 0]);
+        assert_eq!(rank(&last, &schedules, PRICE, 0), [1, 0], "nothing to compare with");
+    }
+
+    #[test]
+    fn more_ports_have_to_save_time() {
+        let schedule = |period| Schedule { period, starts: List::new(), order: Vec::new(), transfers: Vec::new() };
+        let first = |pipeline, candidates: &[Candidate], periods: &[u32]| {
+            let schedules: Vec<Schedule> = periods.iter().map(|period| schedule(*period)).collect();
+            rank(candidates, &schedules, Price(pipeline), candidates.len())[0]
+        };
+        let ports = [with_ports(100, 50, 15), with_ports(100, 50, 30), with_ports(100, 50, 60)];
+        assert_eq!(first(Pipeline::Short, &ports, &[100, 100, 100]), 0, "nothing is saved");
+        assert_eq!(first(Pipeline::Short, &ports, &[100, 97, 97]), 1, "3 % for a doubling, and none for the next");
+        assert_eq!(first(Pipeline::Short, &ports, &[100, 97, 90]), 2);
+        assert_eq!(
+            first(Pipeline::Deep, &ports, &[100, 97, 90]),
+            0,
+            "with a deep pipeline they are what takes longest"
+        );
+        assert_eq!(first(Pipeline::Deep, &ports, &[100, 70, 70]), 1);
+        let few = [with_ports(100, 50, 3), with_ports(100, 49, 15)];
+        assert_eq!(first(Pipeline::Deep, &few, &[100, 100]), 1, "up to the usual number they are free");
     }
 }

@@ -8,7 +8,7 @@ use pe_ir::word::{Latency, WordFormat};
 use crate::elimination::has_varying_pivots;
 use crate::settings::MappingOptions;
 
-/// Input ports for which equations are split where values may take routes over other PEs.
+/// Input ports for which equations are split at least: values may take routes over other PEs, and PEs may have more ports.
 const ROUTED: u32 = 24;
 
 /// The graph for a number of PEs, or the default number: with its heavy equations split, and with shorter evaluation of tables
@@ -16,8 +16,8 @@ const ROUTED: u32 = 24;
 pub fn for_pes(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, format: WordFormat) -> Option<StepGraph> {
     let latency = Latency::of(&format);
     let pes = pes.unwrap_or_else(|| default_pes(graph, latency));
-    // With a bound on ports values take routes over other PEs; what has too many products still holds up their copies.
-    let ports = options.max_in_degree.map_or(options.ports(), |ports| ports.max(ROUTED));
+    // What has too many products holds up copies, and what has too few costs sums.
+    let ports = options.ports().max(ROUTED);
     let split = pe_hls::split::split(graph, pes, ports, latency);
     match has_varying_pivots(graph) {
         true => split,

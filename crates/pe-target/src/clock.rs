@@ -124,6 +124,27 @@ const ECP5: &[Measured] = &[
     measured(Short, 6, 1, 108.5),
 ];
 
+/// Registers of 32 bits, a choice among so many of them, and a memory behind it, which is the way of what a PE receives:
+/// ports, and MHz on LFE5U-85F, speed grade 8, out of context, as the mean of three seeds.
+const CHOICES: [(f64, f64); 5] = [(4.0, 338.6), (8.0, 278.6), (15.0, 235.8), (31.0, 193.6), (63.0, 168.9)];
+
+/// The clock in MHz that the choice among input ports allows: by logarithms of what was measured, beyond it as well.
+fn choice(ports: u32) -> f64 {
+    let ports = f64::from(ports.max(1));
+    let between = CHOICES.windows(2).find(|pair| ports <= pair[1].0).unwrap_or(&CHOICES[CHOICES.len() - 2..]);
+    let ((fewer, first), (more, second)) = (between[0], between[1]);
+    first * libm::pow(second / first, libm::log(ports / fewer) / libm::log(more / fewer))
+}
+
+/// How much slower than small networks with its pipeline one is whose PEs have so many input ports, 1 if it is not: by
+/// networks and choices measured on ECP5.
+pub fn slower_with_ports(pipeline: Pipeline, ports: u32) -> f64 {
+    let alike = ECP5.iter().filter(|of| of.pipeline == pipeline && of.pes <= SMALL);
+    let logs: Vec<f64> = alike.map(|of| libm::log(of.mhz)).collect();
+    let usual = libm::exp(logs.iter().sum::<f64>() / logs.len() as f64);
+    (usual / choice(ports)).max(1.0)
+}
+
 /// PEs up to which a network is as fast as a PE alone; each doubling beyond costs the same part of the clock.
 const SMALL: u32 = 16;
 
@@ -189,6 +210,20 @@ mod tests {
             println!("{} {}: {} measured, {}", of.pipeline.name(), of.pes, of.mhz, clock.words());
             assert!((clock.mhz - of.mhz).abs() <= clock.error_mhz, "{}: {}", of.mhz, clock.words());
         }
+    }
+
+    #[test]
+    fn more_ports_never_make_a_network_faster_and_few_cost_no_clock() {
+        for (ports, mhz) in CHOICES {
+            assert!((choice(ports as u32) - mhz).abs() < 1e-9, "{ports}");
+        }
+        for pipeline in [Deep, Short] {
+            assert!((1..=15).all(|ports| slower_with_ports(pipeline, ports) == 1.0), "{pipeline:?}");
+            let slower: Vec<f64> = (1..=256).map(|ports| slower_with_ports(pipeline, ports)).collect();
+            assert!(slower.is_sorted() && slower[255] < 2.5, "{slower:?}");
+        }
+        assert!(slower_with_ports(Deep, 31) > 1.15);
+        assert_eq!(slower_with_ports(Short, 63), 1.0, "multiplier and adder take longer than the choice");
     }
 
     #[test]

@@ -10,6 +10,8 @@ use pe_ir::index::PeId;
 use pe_ir::model::Solver;
 use pe_sim::fixed::FixedRun;
 use pe_sim::machine::Machine;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 const FAMILIES: [Family; 4] = [Family::Affine, Family::Polynomial, Family::Shared, Family::Grid];
 
@@ -104,4 +106,69 @@ fn a_bound_on_ports_is_kept_and_a_mapping_read_back() {
         std::fs::write(map, dump(&[stage, spec, "--pes", "9"])).unwrap();
         assert!(dump(&["program", "--only", "--from", map]) == program, "{stage}");
     }
+}
+
+/// A linear network of states that each read as many others, anywhere.
+fn random_spec(states: usize, reads: usize, seed: u64) -> String {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut text = "model anywhere\nsolver heun\nstep 1 ms\nspan 20 ms\n".to_owned();
+    (0..states).for_each(|state| text += &format!("state x{state} = {}\n", random.random_range(-0.9..0.9)));
+    for state in 0..states {
+        let terms: Vec<String> = rand::seq::index::sample(&mut random, states, reads)
+            .iter()
+            .map(|other| format!("{} * x{other}", 0.01 + 0.001 * other as f64))
+            .collect();
+        text += &format!("x{state}' = -x{state} + {}\n", terms.join(" + "));
+    }
+    text + "output x0\n"
+}
+
+#[test]
+fn an_aim_of_ports_is_a_cost_and_what_a_mapping_does_beyond_it_is_told_and_read_back() {
+    let folder = Folder::new("route_cost");
+    let path = |name: &str| folder.0.join(name).display().to_string();
+    let run = |words: &[&str]| {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(words).output().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{words:?}: {told}");
+        (String::from_utf8(output.stdout).unwrap(), told)
+    };
+    let (mut wide, mut copied) = (0, 0);
+    for (seed, (states, reads, pes, pipeline)) in (1..).zip([
+        (48, 8, "24", "short"),
+        (60, 20, "30", "short"),
+        (80, 5, "20", "short"),
+        (40, 30, "40", "deep"),
+        (60, 40, "20", "deep"),
+    ]) {
+        let (spec, out, map) = (path("random.spec"), path("out"), path("random.map"));
+        std::fs::write(&spec, random_spec(states, reads, seed)).unwrap();
+        let compiled = |more: &[&str]| {
+            let kind = ["--pes", pes, "--pipeline", pipeline];
+            let words = [&["compile", &spec, "--no-pictures", "-o", &out][..], &kind, more].concat();
+            let (_, told) = run(&words);
+            let report = std::fs::read_to_string(format!("{out}/report.json")).unwrap();
+            let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+            let figure = |name: &str| report[name].as_u64().unwrap_or(0);
+            (figure("cycles_per_step"), figure("max_in_degree"), figure("hops"), told)
+        };
+        let (cycles, ports, hops, told) = compiled(&[]);
+        let (bounded, most, ..) = compiled(&["--max-in-degree", "15"]);
+        assert!(most <= 15, "{most} ports");
+        assert!(cycles as f64 <= 1.02 * bounded as f64, "{cycles} cycles, and {bounded} with a bound");
+        assert_eq!(told.contains("W0803"), ports > 15, "{ports} ports: {told}");
+        assert_eq!(told.contains("W0804"), hops > 0, "{hops} copies: {told}");
+        wide += u32::from(ports > 15);
+        let dump = ["dump", "--stage", "mapping", "--only", &spec, "--pipeline", pipeline];
+        let (text, _) = run(&[&dump[..], &["--pes", pes]].concat());
+        assert_eq!(text.contains(".hop"), hops > 0);
+        std::fs::write(&map, &text).unwrap();
+        assert_eq!(run(&[&dump[..], &["--mapping", &map]].concat()).0, text);
+        // Copies that a file names are made with or without a bound.
+        let (bounded, _) = run(&[&dump[..], &["--pes", pes, "--max-in-degree", "15"]].concat());
+        std::fs::write(&map, &bounded).unwrap();
+        assert_eq!(run(&[&dump[..], &["--mapping", &map]].concat()).0, bounded);
+        copied += u32::from(bounded.contains(".hop"));
+    }
+    assert!((1..5).contains(&wide) && copied > 0, "{wide} with more ports, {copied} with copies");
 }
