@@ -29,12 +29,14 @@ impl<'a> Reader<'a, '_> {
                     None => self.findings.push(unknown_id(assignment, target)),
                 }
             }
+            let early_values = flag(node, "useValuesFromTriggerTime", true);
+            let assignments = self.with_equilibria(assignments, (node, early_values && delay.is_some()));
             self.model.events.push(Event {
                 id: node.attribute("id").unwrap_or("").to_owned(),
                 trigger: condition,
                 held_before: flag(trigger, "initialValue", true),
                 persistent: flag(trigger, "persistent", true),
-                early_values: flag(node, "useValuesFromTriggerTime", true),
+                early_values,
                 delay,
                 priority,
                 assignments,

@@ -6,6 +6,7 @@
 mod algebraic;
 mod comp;
 mod events;
+mod fast;
 mod functions;
 mod reactions;
 mod scope;
@@ -24,6 +25,7 @@ use crate::model::{Kind, Model, Quantity};
 use crate::xml::{child, elements, listed, span};
 use crate::{Wanted, number};
 
+use self::fast::{Equilibrium, Fast};
 use self::scope::Core;
 use self::species::Species;
 
@@ -112,6 +114,10 @@ struct Reader<'a, 'f> {
     named: HashSet<String>,
     /// By quantity that stands for a species.
     species: HashMap<usize, Species<'a>>,
+    /// Fast reactions.
+    fast: Vec<Fast<'a>>,
+    /// What they keep in equilibrium.
+    equilibria: Vec<Equilibrium>,
     /// Parts of all expressions so far.
     parts: usize,
 }
@@ -131,6 +137,8 @@ impl<'a, 'f> Reader<'a, 'f> {
             changed: HashSet::new(),
             named,
             species: HashMap::new(),
+            fast: Vec::new(),
+            equilibria: Vec::new(),
             parts: 0,
         }
     }
@@ -169,6 +177,7 @@ impl<'a, 'f> Reader<'a, 'f> {
         self.reactions();
         self.species();
         self.algebraic_rules();
+        self.fast_reactions();
         self.events();
         self.rates_of();
     }

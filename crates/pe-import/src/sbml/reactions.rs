@@ -6,6 +6,7 @@ use pe_ir::codes;
 use pe_ir::source::Diagnostic;
 use roxmltree::Node;
 
+use super::fast::Fast;
 use super::{Reader, flag, unknown_id};
 use crate::expr::Expr;
 use crate::model::{Kind, Quantity};
@@ -33,12 +34,6 @@ impl<'a> Reader<'a, '_> {
             if self.model.quantities[index].span != span(reaction) {
                 continue;
             }
-            if flag(reaction, "fast", false) {
-                let message = format!("`{}` is a fast reaction", self.model.quantities[index].id);
-                let help = "replace it by the equilibrium it stands for, or give it a large rate";
-                self.findings
-                    .push(Diagnostic::error(codes::IMPORT_UNSUPPORTED, span(reaction), message).with_help(help));
-            }
             match child(reaction, "kineticLaw").filter(|law| child(*law, "math").is_some()) {
                 Some(law) => {
                     self.model.quantities[index].equation = span(law);
@@ -53,9 +48,11 @@ impl<'a> Reader<'a, '_> {
                     self.findings.push(finding.with_help("give it a `<kineticLaw>` with `<math>`"));
                 }
             }
+            let mut fast = flag(reaction, "fast", false).then(|| Fast::new(reaction, index));
             for (is_reactant, reference) in references(reaction) {
-                self.flow(index, is_reactant, reference);
+                self.flow((index, fast.as_mut()), is_reactant, reference);
             }
+            self.fast.extend(fast);
         }
     }
 
@@ -81,8 +78,8 @@ impl<'a> Reader<'a, '_> {
         locals
     }
 
-    /// Adds what a reaction does to one of its species.
-    fn flow(&mut self, reaction: usize, is_reactant: bool, reference: Node<'a, 'a>) {
+    /// Adds what a reaction, which may be a fast one, does to one of its species.
+    fn flow(&mut self, (reaction, fast): (usize, Option<&mut Fast<'a>>), is_reactant: bool, reference: Node<'a, 'a>) {
         let stoichiometry = self.stoichiometry(reference);
         let name = reference.attribute("species").unwrap_or("");
         let Some(species) = self.core.ids.get(name).copied().filter(|index| self.species.contains_key(index)) else {
@@ -92,12 +89,17 @@ impl<'a> Reader<'a, '_> {
         if !self.is_reacting(species) {
             return;
         }
-        let mut flow = stoichiometry.times(Expr::Name(reaction));
-        if let Some(factor) = self.conversion(species) {
-            flow = factor.times(flow);
-        }
-        if let Some(species) = self.species.get_mut(&species) {
-            species.flows.push((is_reactant, flow));
+        let factor = self.conversion(species);
+        let converted = |flow: Expr| match factor {
+            Some(factor) => factor.times(flow),
+            None => flow,
+        };
+        match (fast, self.species.get_mut(&species)) {
+            (Some(fast), _) => fast.change(species, is_reactant, converted(stoichiometry)),
+            (None, Some(species)) => {
+                species.flows.push((is_reactant, converted(stoichiometry.times(Expr::Name(reaction)))));
+            }
+            (None, None) => {}
         }
     }
 

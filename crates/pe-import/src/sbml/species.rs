@@ -168,6 +168,11 @@ impl<'a> Reader<'a, '_> {
         amount
     }
 
+    /// The quantity of the compartment in which the name of a species means its concentration; none if it means its amount.
+    pub(super) fn volume_of(&self, index: usize) -> Option<usize> {
+        self.species.get(&index).filter(|species| !species.is_amount).map(|species| species.compartment)
+    }
+
     /// The quantity that holds what a species is.
     pub(super) fn held(&self, index: usize) -> usize {
         self.species.get(&index).and_then(|species| species.amount).unwrap_or(index)
