@@ -47,6 +47,7 @@ entity pe is
     SPLIT_FLAGS      : boolean := false; -- a flag of its own for operands that are too large
     SHOWS            : boolean := false; -- has an output memory
     SHOW_LAST        : boolean := false; -- which takes words of the last round only
+    RING_BITS        : natural := 0;     -- bits that count the words of a ring, 0 without rings
     DEEP             : boolean := false; -- registers behind memories and shifts
     TRACE            : boolean := false  -- drives trace_o
   );
@@ -56,6 +57,7 @@ entity pe is
     settle_i   : in    std_ulogic;                                                                -- first pass: memories keep their images
     parity_i   : in    std_ulogic;                                                                -- 1 in odd rounds
     last_i     : in    std_ulogic;                                                                -- writes belong to the last round
+    turn_i     : in    std_ulogic_vector(larger(RING_BITS, 1) - 1 downto 0)   := (others => '0'); -- number of the step
     control_i  : in    std_ulogic_vector(CONTROL_BITS - 1 downto 0);                              -- control register
     ports_i    : in    std_ulogic_vector(larger(PORT_COUNT, 1) * DATA_BITS - 1 downto 0);         -- port 0 rightmost
     clear_i    : in    std_ulogic                                             := '0';             -- clears the flags
@@ -99,7 +101,7 @@ architecture rtl of pe is
 
   constant LAYOUT : layout_t := control_layout(OWN_WORDS, BASE_WORDS, COEFF_WORDS, IMPORTED_WORDS, PORT_COUNT,
                                                SHIFTS'length, COEFFICIENT_BITS, FACTOR, SWAP, SEND, INDEX_WORDS,
-                                               OCTAVE_WIDTH > 0, SHOWS);
+                                               OCTAVE_WIDTH > 0, SHOWS, RING_BITS > 0);
 
   constant OWN_BITS   : positive := index_bits(OWN_WORDS);
   constant BASE_BITS  : positive := index_bits(BASE_WORDS);
@@ -109,6 +111,9 @@ architecture rtl of pe is
 
   -- Where nothing can be out of range there is a flag in simulation only, where it stops the run.
   constant FLAGGED : boolean := SATURATE or TRACE;
+
+  -- Rings in the own memory, if it is as large as one.
+  constant OWN_RING_BITS : natural := smallest((RING_BITS, OWN_BITS));
 
   -- What the sequencer tells
   signal advance : std_ulogic;
@@ -139,6 +144,7 @@ architecture rtl of pe is
   signal write_factor  : std_ulogic;
   signal write_index   : std_ulogic;
   signal base_round    : std_ulogic;
+  signal write_steered : std_ulogic_vector(WRITE_BITS - 1 downto 0);
   signal write_address : std_ulogic_vector(WRITE_BITS - 1 downto 0);
   signal link          : std_ulogic_vector(DATA_BITS - 1 downto 0) := (others => '0');
   signal overflow      : std_ulogic                                := '0';
@@ -254,7 +260,8 @@ begin
       write_address_i => write_address(OWN_BITS - 1 downto 0),
       write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - DATA_BITS),
       read_enable_i   => own_enable,
-      read_address_i  => steered(control_i, LAYOUT.own, OWN_BITS, parity),
+      read_address_i  => turned(steered(control_i, LAYOUT.own, OWN_BITS, parity),
+                                flag(control_i, LAYOUT.own.ring), turn_i, OWN_RING_BITS),
       default_i       => (others => '0'),
       read_data_o     => own_operand
     );
@@ -434,11 +441,13 @@ begin
   p_write_address : process (control_i, parity) is
   begin
 
-    write_address               <= bits(control_i, LAYOUT.write.address, WRITE_BITS);
-    write_address(OWN_BITS - 1) <= control_i(LAYOUT.write.address.lsb + OWN_BITS - 1)
+    write_steered               <= bits(control_i, LAYOUT.write.address, WRITE_BITS);
+    write_steered(OWN_BITS - 1) <= control_i(LAYOUT.write.address.lsb + OWN_BITS - 1)
                                    xor (flag(control_i, LAYOUT.write.swap) and parity);
 
   end process p_write_address;
+
+  write_address <= turned(write_steered, flag(control_i, LAYOUT.write.ring), turn_i, OWN_RING_BITS);
 
   p_flag : process (clk_i) is
   begin
@@ -508,6 +517,9 @@ begin
     constant IMPORTED_BITS : positive := larger(index_bits(IMPORTED_WORDS), 1);
     constant PORT_BITS     : positive := larger(index_bits(PORT_COUNT), 1);
 
+    -- Rings, if the memory is as large as one.
+    constant IMPORTED_RING_BITS : natural := smallest((RING_BITS, IMPORTED_BITS));
+
     signal receive_enable  : std_ulogic;
     signal receive_address : std_ulogic_vector(IMPORTED_BITS - 1 downto 0);
     signal received        : std_ulogic_vector(DATA_BITS - 1 downto 0);
@@ -515,7 +527,8 @@ begin
   begin
 
     receive_enable  <= flag(control_i, LAYOUT.receive.enable) and not settle;
-    receive_address <= steered(control_i, LAYOUT.receive, IMPORTED_BITS, parity);
+    receive_address <= turned(steered(control_i, LAYOUT.receive, IMPORTED_BITS, parity),
+                              flag(control_i, LAYOUT.receive.ring), turn_i, IMPORTED_RING_BITS);
     received        <= chosen(ports_i, bits(control_i, LAYOUT.port_index, PORT_BITS), DATA_BITS);
 
     u_imported_operand : entity pe_lib.pe_ram
@@ -532,7 +545,8 @@ begin
         write_address_i => receive_address,
         write_data_i    => received,
         read_enable_i   => imported_enable,
-        read_address_i  => steered(control_i, LAYOUT.imported, IMPORTED_BITS, parity),
+        read_address_i  => turned(steered(control_i, LAYOUT.imported, IMPORTED_BITS, parity),
+                                  flag(control_i, LAYOUT.imported.ring), turn_i, IMPORTED_RING_BITS),
         default_i       => (others => '0'),
         read_data_o     => imported_operand
       );

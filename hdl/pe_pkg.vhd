@@ -21,10 +21,11 @@ package pe_pkg is
     width : natural;
   end record field_t;
 
-  -- A memory address field with its enable and swap bits.
+  -- A memory address field with its enable, swap and ring bits.
   type address_field_t is record
     enable  : field_t;
     swap    : field_t;
+    ring    : field_t;
     address : field_t;
   end record address_field_t;
 
@@ -72,7 +73,8 @@ package pe_pkg is
     send              : boolean;
     index_words       : natural;
     octaves           : boolean;
-    show              : boolean := false
+    show              : boolean := false;
+    ring              : boolean := false
   ) return layout_t;
 
   -- Value of a one-bit field; '0' if the PE does not have it.
@@ -210,7 +212,8 @@ package body pe_pkg is
     send              : boolean;
     index_words       : natural;
     octaves           : boolean;
-    show              : boolean := false
+    show              : boolean := false;
+    ring              : boolean := false
   ) return layout_t is
 
     variable layout      : layout_t;
@@ -225,6 +228,7 @@ package body pe_pkg is
     variable index_flag  : natural;
     variable octave_flag : natural;
     variable show_flag   : natural;
+    variable ring_flag   : natural;
 
     -- Fields are placed from the least significant end.
 
@@ -244,11 +248,13 @@ package body pe_pkg is
       variable field       : out address_field_t;
       constant flags       : in  natural;
       constant swap_width  : in  natural;
+      constant ring_width  : in  natural;
       constant index_width : in  natural
     ) is
     begin
 
       place(field.address, flags * index_width);
+      place(field.ring, flags * ring_width);
       place(field.swap, flags * swap_width);
       place(field.enable, flags);
 
@@ -266,6 +272,7 @@ package body pe_pkg is
     index_flag  := 0;
     octave_flag := 0;
     show_flag   := 0;
+    ring_flag   := 0;
 
     if (imported_words > 0) then
       import_flag := 1;
@@ -299,28 +306,33 @@ package body pe_pkg is
       show_flag := 1;
     end if;
 
+    if (ring) then
+      ring_flag := 1;
+    end if;
+
     position    := 0;
     place(layout.port_index, index_bits(port_count));
-    place_address(layout.receive, import_flag, swap_flag, import_bits);
+    place_address(layout.receive, import_flag, swap_flag, ring_flag, import_bits);
     place(layout.send, send_flag);
     place(layout.show, show_flag);
     place(layout.write_index_address, index_bits(index_words));
     place(layout.write_octave, octave_flag);
     place(layout.write_index, index_flag);
     place(layout.write.address, index_bits(write_words(own_words, base_words, coefficient_words, factor)));
+    place(layout.write.ring, ring_flag);
     place(layout.write.swap, swap_flag);
     place(layout.write.enable, 0);
     place(layout.write_factor, factor_flag);
     place(layout.write_base, 1);
     place(layout.write_own, 1);
     place(layout.shift, index_bits(shift_count));
-    place_address(layout.index, index_flag, 0, index_bits(index_words));
-    place_address(layout.base, 1, 0, index_bits(base_words));
+    place_address(layout.index, index_flag, 0, 0, index_bits(index_words));
+    place_address(layout.base, 1, 0, 0, index_bits(base_words));
     place(layout.close, 1);
     place(layout.coefficient_address, stored_flag * index_bits(coefficient_words));
     place(layout.coefficient, (1 - stored_flag) * coefficient_bits);
-    place_address(layout.imported, import_flag, swap_flag, import_bits);
-    place_address(layout.own, 1, swap_flag, own_bits);
+    place_address(layout.imported, import_flag, swap_flag, ring_flag, import_bits);
+    place_address(layout.own, 1, swap_flag, ring_flag, own_bits);
     layout.bits := position;
     return layout;
 

@@ -21,6 +21,7 @@ entity pe_sequencer is
     ROUNDS     : positive;         -- rounds per step
     PAUSE_WORD : positive;         -- the network waits before it
     ACCESSED   : boolean := false; -- obeys pe_access
+    RING_BITS  : natural := 0;     -- bits that count steps for rings, 0 without rings
     DEEP       : boolean := false  -- PEs follow four clocks later
   );
   port (
@@ -39,6 +40,7 @@ entity pe_sequencer is
     index_o   : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0);          -- word that is executed
     parity_o  : out   std_ulogic;                                                             -- 1 in odd rounds
     last_o    : out   std_ulogic;                                                             -- writes belong to the last round
+    turn_o    : out   std_ulogic_vector(larger(RING_BITS, 1) - 1 downto 0);                   -- number of the step
     settle_o  : out   std_ulogic;                                                             -- first pass
     sample_o  : out   std_ulogic;                                                             -- inputs load their registers
     arrive_o  : out   std_ulogic;                                                             -- inputs load their operands, with DEEP
@@ -65,6 +67,7 @@ architecture rtl of pe_sequencer is
   signal waiting : std_ulogic                                                := '0';
   signal settle  : std_ulogic                                                := '1';
   signal parity  : std_ulogic                                                := '0';
+  signal turn    : unsigned(turn_o'range)                                    := (others => '0');
   signal done    : std_ulogic                                                := '0';
   signal fetch   : std_ulogic;
   signal publish : std_ulogic;
@@ -152,6 +155,10 @@ begin
           parity <= not parity;
         end if;
 
+        if (RING_BITS > 0 and address = 0 and valid = '1') then
+          turn <= turn + 1;
+        end if;
+
         -- Writes before this place in a round finish the round before.
         if (place = PAUSE_WORD) then
           last <= '0';
@@ -195,6 +202,7 @@ begin
     index_o   <= std_ulogic_vector(index);
     parity_o  <= parity;
     last_o    <= last;
+    turn_o    <= std_ulogic_vector(turn);
     settle_o  <= settle;
     publish_o <= publish;
 
@@ -217,6 +225,10 @@ begin
     signal index_1    : unsigned(index'range)         := (others => '0');
     signal index_2    : unsigned(index'range)         := (others => '0');
     signal index_3    : unsigned(index'range)         := (others => '0');
+    signal turn_1     : unsigned(turn'range)          := (others => '0');
+    signal turn_2     : unsigned(turn'range)          := (others => '0');
+    signal turn_3     : unsigned(turn'range)          := (others => '0');
+    signal turn_4     : unsigned(turn'range)          := (others => '0');
 
   begin
 
@@ -233,6 +245,10 @@ begin
         index_1   <= index;
         index_2   <= index_1;
         index_3   <= index_2;
+        turn_1    <= turn;
+        turn_2    <= turn_1;
+        turn_3    <= turn_2;
+        turn_4    <= turn_3;
 
         if (fetch = '1') then
           place_next <= place;
@@ -257,6 +273,8 @@ begin
     index_o   <= std_ulogic_vector(index_3);
     parity_o  <= parities(3);
     last_o    <= lasts(3);
+    -- In place of a replica in each PE.
+    turn_o    <= std_ulogic_vector(turn_4);
     settle_o  <= settles(3);
     arrive_o  <= arrivals(3);
     publish_o <= publishes(3);

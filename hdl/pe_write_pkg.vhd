@@ -7,7 +7,7 @@ library ieee;
 library pe_lib;
   use pe_lib.pe_pkg.all;
 
--- Functions of the write side: shifted sums, and segments of written words; see docs/hardware.md.
+-- Functions of the write side: shifted sums, segments of written words, and addresses of rings; see docs/hardware.md.
 
 package pe_write_pkg is
 
@@ -47,6 +47,15 @@ package pe_write_pkg is
     word         : std_ulogic_vector;
     index_width  : positive;
     octave_width : positive
+  ) return std_ulogic_vector;
+
+  -- An address of a ring, if `ring` is '1': the number of the step is added to its `count` lowest bits.
+
+  function turned (
+    address : std_ulogic_vector;
+    ring    : std_ulogic;
+    turn    : std_ulogic_vector;
+    count   : natural
   ) return std_ulogic_vector;
 
 end package pe_write_pkg;
@@ -167,5 +176,29 @@ package body pe_write_pkg is
     return octave & rest(rest'high downto rest'high - MANTISSA_BITS + 1);
 
   end function octave_segment;
+
+  function turned (
+    address : std_ulogic_vector;
+    ring    : std_ulogic;
+    turn    : std_ulogic_vector;
+    count   : natural
+  ) return std_ulogic_vector is
+
+    variable value : std_ulogic_vector(address'length - 1 downto 0);
+    variable added : std_ulogic_vector(turn'length - 1 downto 0);
+
+  begin
+
+    value := address;
+
+    if (count > 0) then
+      added                     := turn and (turn'range => ring);
+      value(count - 1 downto 0) := std_ulogic_vector(unsigned(value(count - 1 downto 0))
+                                                     + unsigned(added(count - 1 downto 0)));
+    end if;
+
+    return value;
+
+  end function turned;
 
 end package body pe_write_pkg;

@@ -73,6 +73,9 @@ architecture network of {{ model }} is
   signal advance	: std_ulogic;
   signal parity	: std_ulogic;
   signal last	: std_ulogic;
+{%- if ring_bits > 0 %}
+  signal turn	: std_ulogic_vector({{ ring_bits - 1 }} downto 0);
+{%- endif %}
   signal settle	: std_ulogic;
   signal sample	: std_ulogic;
   signal publish	: std_ulogic;
@@ -158,6 +161,9 @@ begin
 {%- if replaces %}
       ACCESSED   => true,
 {%- endif %}
+{%- if ring_bits > 0 %}
+      RING_BITS  => {{ ring_bits }},
+{%- endif %}
 {%- if deep %}
       PAUSE_WORD => pause_word(multiplier_latency(DATA_BITS, COEFFICIENT_BITS), DEEP => true),
       DEEP       => true
@@ -187,6 +193,9 @@ begin
       index_o   => index,
       parity_o  => parity,
       last_o    => last,
+{%- if ring_bits > 0 %}
+      turn_o    => turn,
+{%- endif %}
       settle_o  => settle,
       sample_o  => sample,
       publish_o => publish,
@@ -403,6 +412,9 @@ begin
       SHOW_LAST        => true,
 {%- endif %}
 {%- endif %}
+{%- if pe.ring_bits > 0 %}
+      RING_BITS        => {{ pe.ring_bits }},
+{%- endif %}
 {%- if deep %}
       DEEP             => true,
 {%- endif %}
@@ -414,6 +426,9 @@ begin
       settle_i   => settle,
       parity_i   => parity,
       last_i     => last,
+{%- if pe.ring_bits > 0 %}
+      turn_i     => turn({{ pe.ring_bits - 1 }} downto 0),
+{%- endif %}
       control_i  => control_{{ pe.index }},
       ports_i    => ports_{{ pe.index }},
 {%- if replaces %}

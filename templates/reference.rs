@@ -19,7 +19,7 @@
 // A program has no use for the library, nor the library for the program.
 #![allow(dead_code)]
 
-use std::collections::BTreeMap;
+use std::collections::{% if rings %}{BTreeMap, BTreeSet}{% else %}BTreeMap{% endif %};
 use std::io::{BufWriter, Write as _};
 use std::rc::Rc;
 
@@ -79,6 +79,10 @@ struct State {
     pe: usize,
     address: usize,
     copies: &'static [(usize, usize)],
+{%- if rings %}
+    /// Whether it is in a ring, where only operands are kept: the addresses are those of the first step.
+    ring: bool,
+{%- endif %}
 }
 
 const STATES: &[State] = &[{{ states }}];
@@ -112,6 +116,10 @@ struct Description {
 {%- if memory %}
     /// Output memory.
     shows: bool,
+{%- endif %}
+{%- if rings %}
+    /// Bits that count the words of a ring; 0 without rings.
+    ring_bits: u32,
 {%- endif %}
     own_image: &'static [i64],
     base_image: &'static [i64],
@@ -288,6 +296,9 @@ const PES: &[Description] = &[
         octave_width: {{ pe.octave_width }},
 {%- if memory %}
         shows: {{ pe.shows }},
+{%- endif %}
+{%- if rings %}
+        ring_bits: {{ pe.ring_bits }},
 {%- endif %}
         own_image: &[{{ pe.own_image }}],
         base_image: &[{{ pe.base_image }}],

@@ -63,6 +63,10 @@ struct Clocked {
     /// Place of the product that leaves the multiplier.
     product: usize,
     odd: usize,
+{%- if rings %}
+    /// Steps whose words were all executed.
+    turn: u64,
+{%- endif %}
     settle: bool,
 }
 
@@ -79,6 +83,9 @@ impl Clocked {
             cycle: 0,
             product: 0,
             odd: 0,
+{%- if rings %}
+            turn: 0,
+{%- endif %}
             settle: true,
         }
     }
@@ -94,6 +101,9 @@ impl Clocked {
         self.cycle = 0;
         self.product = 0;
         self.odd = 0;
+{%- if rings %}
+        self.turn = 0;
+{%- endif %}
         self.settle = true;
         for _ in 0..PAUSE_WORD {
             self.clock(&mut [], &mut None);
@@ -112,6 +122,12 @@ impl Clocked {
 
     /// Stored word of a state, at a pause point.
     fn state(&self, state: &State) -> i64 {
+{%- if rings %}
+        if state.ring {
+            let place = turned(state.address, self.turn, PES[state.pe].ring_bits);
+            return kept(self.pes[state.pe].memories.own[place]);
+        }
+{%- endif %}
         let base = &self.pes[state.pe].memories.base;
         base[state.address & (base.len() - 1)]
     }
@@ -120,6 +136,9 @@ impl Clocked {
     fn clock(&mut self, flags: &mut [u32], observer: &mut Observer) {
         let k = self.index;
         let odd = self.odd;
+{%- if rings %}
+        let turn = self.turn;
+{%- endif %}
         // Writes before the place of the pause point in a round finish the round before.
         let ends_step = (k + PERIOD - PAUSE_WORD) % PERIOD / ROUND_WORDS == ROUNDS - 1;
         // Ports show the link registers of the word before.
@@ -136,8 +155,8 @@ impl Clocked {
             let description = &PES[index];
             let Memories { own, base, coefficients, imported, indices } = &mut pe.memories;
             // Everything that is read.
-            let own_operand = word.own.map_or(0, |address| own[address[odd] as usize]);
-            let imported_operand = word.imported.map_or(0, |address| imported[address[odd] as usize]);
+            let own_operand = word.own.map_or(0, |address| own[{% if rings %}address.word(odd, turn, description.ring_bits){% else %}address[odd] as usize{% endif %}]);
+            let imported_operand = word.imported.map_or(0, |address| imported[{% if rings %}address.word(odd, turn, description.ring_bits){% else %}address[odd] as usize{% endif %}]);
             let multiplier = word.stored.map_or(word.coefficient, |address| coefficients[address as usize]);
             let base_word = word.base.map_or(OFFSET, |address| base[(address | pe.index) as usize]);
             let fetched = word.index.map_or(0, |place| indices[place as usize]);
@@ -184,7 +203,7 @@ impl Clocked {
             }
             if !self.settle {
                 let writes = word.writes();
-                let address = word.write[odd] as usize;
+                let address = {% if rings %}word.write.word(odd, turn, description.ring_bits){% else %}word.write[odd] as usize{% endif %};
                 if saturated && (writes || word.write_index.is_some() || word.send) {
                     flags[index] |= SATURATED;
                 }
@@ -209,7 +228,7 @@ impl Clocked {
                     observe(Write { cycle: self.cycle, pe: index, address: address as u64, value });
                 }
                 if let Some((address, _)) = word.receive {
-                    let place = address[odd] as usize;
+                    let place = {% if rings %}address.word(odd, turn, description.ring_bits){% else %}address[odd] as usize{% endif %};
                     imported[place] = self.received[index];
                     if let Some(observe) = observer {
                         let value = unsigned(self.received[index], DATA_BITS);
@@ -234,6 +253,9 @@ impl Clocked {
         }
         if self.index == PERIOD {
             self.index = 0;
+{%- if rings %}
+            self.turn += 1;
+{%- endif %}
         }
     }
 }

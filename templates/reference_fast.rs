@@ -69,6 +69,10 @@ impl Fast {
         let mut follower = Follower::new(&homes, count);
         (0..PAUSE_WORD).for_each(|word| follower.clock(true, PAUSE_WORD - word));
         let base_homes: Vec<u32> = STATES.iter().map(|state| base_home(&homes, state)).collect();
+{%- if rings %}
+        let copies = copies_in_rings().map(|(pe, place)| homes[pe].imported + place as u32);
+        let base_homes: Vec<u32> = base_homes.into_iter().chain(copies).collect();
+{%- endif %}
         let first = follower.pass(&base_homes);
         for (home, name) in base_homes.iter().zip(&first.states) {
             follower.passes.next[*home as usize] = Some(*name);
@@ -199,6 +203,11 @@ impl Fast {
 
     /// Stored word of a state, between two steps.
     fn state(&self, state: &State) -> i64 {
+{%- if rings %}
+        if state.ring {
+            return kept(self.slots[base_home(&self.homes, state) as usize].operand);
+        }
+{%- endif %}
         self.slots[base_home(&self.homes, state) as usize].word
     }
 
@@ -292,7 +301,19 @@ fn word_of(sum: i64, base: i64, shift: u32) -> Option<i64> {
     (signed(word, WORD_BITS) == word).then_some(word)
 }
 
-/// The home of a state's base word.
+{% if rings -%}
+/// PE and place of each copy of a state in a ring of an imported memory.
+fn copies_in_rings() -> impl Iterator<Item = (usize, usize)> {
+    STATES.iter().filter(|state| state.ring).flat_map(|state| state.copies).copied()
+}
+
+{% endif -%}
+/// The home of a state's base word{% if rings %}, or of its operand in a ring{% endif %}.
 fn base_home(homes: &[Homes], state: &State) -> u32 {
+{%- if rings %}
+    if state.ring {
+        return homes[state.pe].own + state.address as u32;
+    }
+{%- endif %}
     homes[state.pe].base + (state.address & (PES[state.pe].base_image.len() - 1)) as u32
 }

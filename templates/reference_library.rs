@@ -60,6 +60,13 @@ pub struct Network {
     pe_flags: Vec<u32>,
 }
 
+{% if rings -%}
+/// The stored word of a state that is kept as an operand alone.
+fn kept(operand: i64) -> i64 {
+    (operand << (WORD_BITS - DATA_BITS)) + OFFSET
+}
+
+{% endif -%}
 /// Port word of a stored word, and whether it was out of range and is clamped.
 fn port_word(stored: i64) -> (i64, bool) {
     let rounded = (stored - OFFSET + half(GUARD_BITS)) >> GUARD_BITS;
@@ -226,8 +233,15 @@ impl Network {
         let mut memories = self.images.clone();
         for (state, word) in STATES.iter().zip(words) {
             let pe = &mut memories[state.pe];
+{%- if rings %}
+            if !state.ring {
+                let place = state.address & (pe.base.len() - 1);
+                pe.base[place] = *word;
+            }
+{%- else %}
             let place = state.address & (pe.base.len() - 1);
             pe.base[place] = *word;
+{%- endif %}
             pe.own[state.address] = word >> (WORD_BITS - DATA_BITS);
             for (pe, place) in state.copies {
                 memories[*pe].imported[*place] = word >> (WORD_BITS - DATA_BITS);

@@ -75,6 +75,11 @@ struct Followed {
     index: Option<Name>,
     /// Homes: where its words lie between two steps.
     homes: Homes,
+{%- if rings %}
+    /// First words of its rings, in the own and in the imported memory.
+    rings: [BTreeSet<usize>; 2],
+    ring_bits: u32,
+{%- endif %}
 }
 
 /// The first home of each memory.
@@ -117,7 +122,7 @@ struct Seen {
     /// PE and operands of sums in front of a multiplier whose flag rises in this pass.
     checks: Vec<(usize, [Name; 2])>,
     outputs: Vec<Name>,
-    /// Base words of the states at its end.
+    /// Base words of the states at its end{% if rings %}, and words of rings{% endif %}.
     states: Vec<Name>,
 }
 
@@ -202,7 +207,7 @@ impl Followed {
         };
         let writes = words.iter().filter(|word| word.write_factor);
         let mut written = vec![false; pe.coefficient_image.len()];
-        for place in writes.flat_map(|word| word.write) {
+        for place in writes.flat_map(|word| word.write{% if rings %}.address{% endif %}) {
             written[place as usize & (pe.coefficient_image.len() - 1)] = true;
         }
         let coefficient = |(place, number): (usize, &i64)| match written[place] {
@@ -227,6 +232,10 @@ impl Followed {
             results: [{% if deep %}nothing.clone(), {% endif %}nothing.clone(), nothing],
             index: None,
             homes,
+{%- if rings %}
+            rings: [BTreeSet::new(), BTreeSet::new()],
+            ring_bits: pe.ring_bits,
+{%- endif %}
         }
     }
 
@@ -284,13 +293,21 @@ struct Follower {
     index: usize,
     product: usize,
     odd: usize,
+{%- if rings %}
+    /// Steps of the pass whose words were all executed: between passes rings are as in the first step.
+    turn: u64,
+{%- endif %}
 }
 
 impl Follower {
     fn new(homes: &[Homes], count: u32) -> Follower {
         let words = program();
         let pes = PES.iter().zip(&words).zip(homes);
+{%- if rings %}
+        let mut follower = Follower {
+{%- else %}
         Follower {
+{%- endif %}
             passes: Passes {
                 pass: 1,
                 first: Vec::new(),
@@ -305,9 +322,24 @@ impl Follower {
             index: 0,
             product: 0,
             odd: 0,
+{%- if rings %}
+            turn: 0,
+            words,
+        };
+        let rings = STATES.iter().filter(|state| state.ring);
+        let own = rings.clone().map(|state| (state.pe, 0, state.address));
+        let copies = rings.flat_map(|state| state.copies).map(|(pe, place)| (*pe, 1, *place));
+        for (pe, memory, word) in own.chain(copies) {
+            let pe = &mut follower.pes[pe];
+            pe.rings[memory].insert(word >> pe.ring_bits << pe.ring_bits);
+        }
+        follower
+    }
+{%- else %}
             words,
         }
     }
+{%- endif %}
 
     /// Follows the words from one pause point to the next.
     fn pass(&mut self, base_homes: &[u32]) -> Seen {
@@ -317,20 +349,42 @@ impl Follower {
         self.clock(false, PERIOD);
         self.inputs = inputs;
         (1..PERIOD).for_each(|clock| self.clock(false, PERIOD - clock));
+{%- if rings %}
+        self.turn = 0;
+        for pe in &mut self.pes {
+            for (memory, rings) in [&mut pe.own, &mut pe.imported].into_iter().zip(&pe.rings) {
+                rings.iter().for_each(|first| memory[*first..][..1 << pe.ring_bits].rotate_left(1));
+            }
+        }
+{%- endif %}
         let state = |(state, home): (&State, &u32)| {
             let pe = &self.pes[state.pe];
+{%- if rings %}
+            if state.ring {
+                return pe.own[state.address];
+            }
+{%- endif %}
             pe.base[(home - pe.homes.base) as usize]
         };
         Seen {
             checks: std::mem::take(&mut self.checks.0),
             outputs: self.outputs.clone(),
+{%- if rings %}
+            states: (STATES.iter().zip(base_homes).map(state))
+                .chain(copies_in_rings().map(|(pe, place)| self.pes[pe].imported[place]))
+                .collect(),
+{%- else %}
             states: STATES.iter().zip(base_homes).map(state).collect(),
+{%- endif %}
         }
     }
 
     /// Follows one control word of every PE; so many are left in this pass.
     fn clock(&mut self, settle: bool, left: usize) {
         let (k, odd) = (self.index, self.odd);
+{%- if rings %}
+        let turn = self.turn;
+{%- endif %}
         let ends_step = (k + PERIOD - PAUSE_WORD) % PERIOD / ROUND_WORDS == ROUNDS - 1;
         let receive = |words: &Vec<Word>| match words[k].receive {
             Some((_, Source::Pe(sender))) => Some(self.pes[sender].link),
@@ -340,8 +394,8 @@ impl Follower {
         let received: Vec<Option<Name>> = self.words.iter().map(receive).collect();
         for (index, (pe, words)) in self.pes.iter_mut().zip(&self.words).enumerate() {
             let (word, description) = (&words[k], &PES[index]);
-            let own = word.own.map(|address| pe.own[address[odd] as usize]);
-            let imported = word.imported.map(|address| pe.imported[address[odd] as usize]);
+            let own = word.own.map(|address| pe.own[{% if rings %}address.word(odd, turn, description.ring_bits){% else %}address[odd] as usize{% endif %}]);
+            let imported = word.imported.map(|address| pe.imported[{% if rings %}address.word(odd, turn, description.ring_bits){% else %}address[odd] as usize{% endif %}]);
             let operand = match (own, imported) {
                 (Some(own), Some(imported)) => Some(Operand::Two(own, imported)),
                 (one, other) => one.or(other).map(Operand::One),
@@ -364,7 +418,7 @@ impl Follower {
             let taken = word.writes() || word.write_index.is_some() || word.send;
             if !settle && (taken || word.captured) {
                 let result = pe.result(&mut self.passes, index, taken);
-                let address = word.write[odd] as usize;
+                let address = {% if rings %}word.write.word(odd, turn, description.ring_bits){% else %}word.write[odd] as usize{% endif %};
                 if word.write_own {
                     let place = address & (pe.own.len() - 1);
                     pe.own[place] = result;
@@ -392,7 +446,7 @@ impl Follower {
                 }
             }
             if let (false, Some((address, _)), Some(name)) = (settle, word.receive, received[index]) {
-                pe.imported[address[odd] as usize] = name;
+                pe.imported[{% if rings %}address.word(odd, turn, description.ring_bits){% else %}address[odd] as usize{% endif %}] = name;
             }
             pe.results.rotate_right(1);
             pe.results[0] = Pending { base: pe.base_register, held: Rc::clone(&pe.hold), shift: pe.shift };
@@ -413,6 +467,9 @@ impl Follower {
         }
         if self.index == PERIOD {
             self.index = 0;
+{%- if rings %}
+            self.turn += 1;
+{%- endif %}
         }
     }
 }

@@ -1,3 +1,26 @@
+{% if rings -%}
+/// An address in even and in odd steps, and whether it is that of a ring.
+#[derive(Clone, Copy)]
+struct Place {
+    address: [u16; 2],
+    ring: bool,
+}
+
+impl Place {
+    /// The word of the memory: the number of the step is added to the lowest bits of an address of a ring.
+    fn word(&self, odd: usize, turn: u64, ring_bits: u32) -> usize {
+        let address = self.address[odd] as usize;
+        if self.ring { turned(address, turn, ring_bits) } else { address }
+    }
+}
+
+/// The word of a ring in a step.
+fn turned(address: usize, turn: u64, ring_bits: u32) -> usize {
+    let mask = (1 << ring_bits) - 1;
+    address & !mask | (address + turn as usize) & mask
+}
+
+{% endif -%}
 /// Reads the fields of a control word from its most significant end.
 struct Fields {
     word: u128,
@@ -10,23 +33,31 @@ impl Fields {
         (self.word >> self.left) as u64 & ((1u64 << width) - 1)
     }
 
-    /// Enable, swap and address: the address in even and in odd steps.
-    fn address(&mut self, present: bool, swap: bool, width: u32) -> Option<[u16; 2]> {
+    /// Enable, swap{% if rings %}, ring{% endif %} and address: the address in even and in odd steps.
+    fn address(&mut self, present: bool, swap: bool, {% if rings %}rings: bool, {% endif %}width: u32) -> Option<{% if rings %}Place{% else %}[u16; 2]{% endif %}> {
         if !present {
             return None;
         }
         let enable = self.take(1) == 1;
         let swapped = swap && self.take(1) == 1;
+{%- if rings %}
+        let ring = rings && self.take(1) == 1;
+{%- endif %}
         let address = self.take(width) as u16;
         let odd = if swapped { address ^ 1 << (width - 1) } else { address };
+{%- if rings %}
+        let place = Place { address: [address, odd], ring };
+        if enable { Some(place) } else { None }
+{%- else %}
         if enable { Some([address, odd]) } else { None }
+{%- endif %}
     }
 }
 
 /// A decoded control word.
 struct Word {
-    own: Option<[u16; 2]>,
-    imported: Option<[u16; 2]>,
+    own: Option<{% if rings %}Place{% else %}[u16; 2]{% endif %}>,
+    imported: Option<{% if rings %}Place{% else %}[u16; 2]{% endif %}>,
     /// Word of the coefficient memory.
     stored: Option<u16>,
     coefficient: i64,
@@ -39,11 +70,11 @@ struct Word {
     write_base: bool,
     write_factor: bool,
     /// Write address in even and in odd steps.
-    write: [u16; 2],
+    write: {% if rings %}Place{% else %}[u16; 2]{% endif %},
     /// Word of the index memory to write, and whether the index counts octaves.
     write_index: Option<(u16, bool)>,
     send: bool,
-    receive: Option<([u16; 2], Source)>,
+    receive: Option<({% if rings %}Place{% else %}[u16; 2]{% endif %}, Source)>,
     /// Whether an output captures the result.
     captured: bool,
 }
@@ -88,6 +119,10 @@ impl Word {
         let imports = pe.imported_words > 0;
         let imported = if imports { index_bits(pe.imported_words) } else { 0 };
         let swap = pe.swap as u32;
+{%- if rings %}
+        let rings = pe.ring_bits > 0;
+        let swap = swap + rings as u32;
+{%- endif %}
         let address = |present: bool, swap: u32, width: u32| if present { 1 + swap + width } else { 0 };
         let shift_bits = index_bits(pe.shifts.len() as u32);
         let port_bits = index_bits(pe.ports.len() as u32);
@@ -117,8 +152,8 @@ impl Word {
             + pe.send as u32
             + port_bits;
         let mut fields = Fields { word, left: bits };
-        let own_operand = fields.address(true, pe.swap, own);
-        let imported_operand = fields.address(imports, pe.swap, imported);
+        let own_operand = fields.address(true, pe.swap, {% if rings %}rings, {% endif %}own);
+        let imported_operand = fields.address(imports, pe.swap, {% if rings %}rings, {% endif %}imported);
         let coefficient = match coefficient_bits {
             0 => 0,
             bits => signed(fields.take(bits) as i64, bits),
@@ -134,6 +169,9 @@ impl Word {
         let write_base = fields.take(1) == 1;
         let write_factor = pe.factor && fields.take(1) == 1;
         let write_swap = pe.swap && fields.take(1) == 1;
+{%- if rings %}
+        let write_ring = rings && fields.take(1) == 1;
+{%- endif %}
         let even = fields.take(write_bits) as u16;
         let odd = if write_swap { even ^ 1 << (own - 1) } else { even };
         let write_index = indexed && fields.take(1) == 1;
@@ -144,7 +182,7 @@ impl Word {
         fields.take(pe.shows as u32);
 {%- endif %}
         let send = pe.send && fields.take(1) == 1;
-        let receive = fields.address(imports, pe.swap, imported);
+        let receive = fields.address(imports, pe.swap, {% if rings %}rings, {% endif %}imported);
         let port = fields.take(port_bits) as usize;
         Word {
             own: own_operand,
@@ -158,7 +196,7 @@ impl Word {
             write_own,
             write_base,
             write_factor,
-            write: [even, odd],
+            write: {% if rings %}Place { address: [even, odd], ring: write_ring }{% else %}[even, odd]{% endif %},
             write_index: write_index.then_some((written, octaves)),
             send,
             receive: receive.map(|address| (address, pe.ports[port])),

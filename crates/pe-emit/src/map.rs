@@ -1,6 +1,8 @@
 //! The map of the design, for hosts and wrappers.
 
 use pe_ir::index::{at, number};
+use std::num::NonZeroU32;
+
 use pe_ir::program::{self, Host, InputPort, OutputPort, Program, StateRegister};
 use pe_map::{
     Between, Control, EarlyStep, Format, HostRounding, Input, Map, Meaning, Output, OutputMemory, Outside, Parameter,
@@ -137,7 +139,6 @@ fn parameter(program: &Program, tunable: &Tunable) -> Option<Parameter> {
 
 fn placed(program: &Program, state: &StateRegister) -> State {
     let (pe, address) = state.own;
-    let images = &program.pes[pe];
     State {
         name: state.name.clone(),
         format: Format { bits: program.format.word_bits(), exponent: state.exponent },
@@ -145,6 +146,7 @@ fn placed(program: &Program, state: &StateRegister) -> State {
         pe: pe.number(),
         address,
         copies: state.imported.iter().map(|(pe, address)| (pe.number(), *address)).collect(),
-        initial: images.base_image[images.features.base_word(address)],
+        age: state.age.map(NonZeroU32::get),
+        initial: state.initial(program),
     }
 }

@@ -18,6 +18,8 @@ struct Network<'a> {
     deep: bool,
     /// Whether a PE has a variant memory whose words differ from round to round.
     turns: bool,
+    /// Bits that count the words of the largest rings, zero without rings.
+    ring_bits: u32,
     inputs: Vec<Port>,
     ticks: Vec<Tick>,
     outputs: Vec<Output>,
@@ -110,6 +112,7 @@ struct Pe {
     shown_words: u32,
     shown_bits: u32,
     show_last: bool,
+    ring_bits: u32,
     memory: usize,
 }
 
@@ -173,6 +176,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
         pes,
         host: program.host,
         replaces: program.host.replaces(),
+        ring_bits: program.pes.iter().map(|pe| pe.features.ring_bits).max().unwrap_or(0),
     };
     network.render().expect("templates render into strings")
 }
@@ -228,6 +232,7 @@ fn describe(program: &Program, fold: &Fold, index: PeId, shown: bool) -> Pe {
         shown_words: features.shown_words,
         shown_bits: index_bits(features.shown_words),
         show_last: features.show_last,
+        ring_bits: features.ring_bits,
         memory: 0,
     }
 }

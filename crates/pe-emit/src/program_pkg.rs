@@ -141,19 +141,23 @@ impl OutputPlaces {
 /// States by the memory words they begin in: sorted (PE, word) and the state's index.
 struct StateWords {
     own: Vec<((PeId, u16), StateId)>,
+    /// Of rings there is none.
+    base: Vec<((PeId, u16), StateId)>,
     imported: Vec<((PeId, u16), StateId)>,
 }
 
 impl StateWords {
     fn of(program: &Program) -> StateWords {
-        let (mut own, mut imported) = (Vec::new(), Vec::new());
+        let (mut own, mut base, mut imported) = (Vec::new(), Vec::new(), Vec::new());
         for (index, state) in program.states.numbered() {
             own.push((state.own, index));
+            base.extend(state.age.is_none().then_some((state.own, index)));
             imported.extend(state.imported.iter().map(|place| (*place, index)));
         }
         own.sort_unstable();
+        base.sort_unstable();
         imported.sort_unstable();
-        StateWords { own, imported }
+        StateWords { own, base, imported }
     }
 
     /// The first state of a word.
@@ -216,6 +220,7 @@ fn describe(package: &ProgramPackage, index: PeId, pe: &PeProgram) -> Pe {
         }
     };
     let own_comment = |text: &mut String, word| state_comment(text, &states.own, word, "state");
+    let base_comment = |text: &mut String, word| state_comment(text, &states.base, word, "state");
     let imported_comment = |text: &mut String, word| state_comment(text, &states.imported, word, "copy of state");
     let stored: BTreeMap<usize, f64> = (pe.words.iter().enumerate().rev())
         .filter_map(|(k, word)| match word.coefficient {
@@ -242,7 +247,7 @@ fn describe(package: &ProgramPackage, index: PeId, pe: &PeProgram) -> Pe {
         mask,
         images: vec![
             image("OWN", &pe.own_image, data_bits, &own_comment),
-            image("BASE", &pe.base_image, word_bits, &own_comment),
+            image("BASE", &pe.base_image, word_bits, &base_comment),
             image("COEFFICIENT", &pe.coefficient_image, coefficient_bits, &coefficient_comment),
             image("IMPORTED", &pe.imported_image, data_bits, &imported_comment),
         ],

@@ -34,6 +34,8 @@ struct Reference<'a> {
     /// Fields of `Output`.
     /// Whether outputs are in memories.
     memory: bool,
+    /// Whether a PE has rings.
+    rings: bool,
     outputs: String,
     /// Fields of `State`.
     states: String,
@@ -65,6 +67,7 @@ struct Pe {
     index_width: u32,
     octave_width: u32,
     shows: bool,
+    ring_bits: u32,
     own_image: String,
     base_image: String,
     coefficient_image: String,
@@ -106,10 +109,12 @@ pub fn render(program: &Program, folds: &[Fold], header: &Header, options: &Emit
         let state = state.map(StateId::number);
         format!("Output {{ pe: {pe}, word: {word}, proven: {proven}, state: {state:?} }}")
     };
+    let rings = program.pes.iter().any(|pe| pe.features.ring_bits > 0);
     let state = |state: &StateRegister| {
         let (pe, address) = state.own;
         let copies = joined(state.imported.iter().map(|(pe, address)| format!("({pe}, {address})")));
-        format!("State {{ pe: {pe}, address: {address}, copies: &[{copies}] }}")
+        let ring = if rings { format!(", ring: {}", state.age.is_some()) } else { String::new() };
+        format!("State {{ pe: {pe}, address: {address}, copies: &[{copies}]{ring} }}")
     };
     let tick = |(_, tick, one): (u32, Tick, i64)| {
         format!("Tick {{ steps: {}, done: {}, one: {} }}", tick.steps, tick.done, format.input_operand(one))
@@ -131,6 +136,7 @@ pub fn render(program: &Program, folds: &[Fold], header: &Header, options: &Emit
         ticks: joined(program.ticks().map(tick)),
         sum_type: sum_type(program),
         memory: program.output_memory().is_some(),
+        rings,
         outputs: joined(program.outputs.iter().zip(program.shown_states()).map(output)),
         states: joined(program.states.iter().map(state)),
         program,
@@ -192,6 +198,7 @@ fn describe(pe: &PeProgram, fold: &Fold) -> Pe {
         index_width: features.index_bits,
         octave_width: features.octave_bits,
         shows: features.shown_words > 0,
+        ring_bits: features.ring_bits,
         own_image: joined(pe.own_image.iter()),
         base_image: joined(pe.base_image.iter()),
         coefficient_image: joined(pe.coefficient_image.iter()),

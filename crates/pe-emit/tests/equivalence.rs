@@ -81,6 +81,21 @@ fn cases() -> Vec<Case> {
             ],
         ),
         case("wide_tables", 32, (32, 32), 23, 1, 9, vec![features(8, 4, 1, &[20, 26, 33], 64, "fso")]),
+        case(
+            "rings",
+            32,
+            (25, 18),
+            27,
+            1,
+            10,
+            vec![
+                features(8, 16, 2, &[6, 12, 16], 48, "fpsr"),
+                features(16, 8, 2, &[9, 14], 48, "wsr"),
+                features(4, 4, 1, &[4, 10], 48, "sr"),
+                features(2, 8, 1, &[4, 10, 17], 48, "r"),
+                features(8, 4, 1, &[4, 10, 17], 48, "s"),
+            ],
+        ),
     ]
 }
 
@@ -149,6 +164,12 @@ fn ghdl_agrees_on_wide_tables() {
 }
 
 #[test]
+fn ghdl_agrees_on_rings() {
+    check(9);
+    check_deep(9);
+}
+
+#[test]
 fn ghdl_agrees_on_deep_pipelines() {
     // Looped rounds with a pre-adder, swaps and factors; tables.
     check_deep(0);
@@ -175,6 +196,7 @@ fn assert_verilator(index: usize, pipeline: Pipeline, directory: &str) {
 fn verilator_agrees() {
     assert_verilator(0, Pipeline::Short, "verilator");
     assert_verilator(7, Pipeline::Short, "verilator_tables");
+    assert_verilator(9, Pipeline::Short, "verilator_rings");
 }
 
 #[test]

@@ -138,6 +138,23 @@ const FEATURES: [Feature; 12] = [
     },
 ];
 
+/// In designs with rings.
+const RINGS: [Feature; 1] = [Feature {
+    name: "rings",
+    size: |features| features.ring_bits,
+    nothing: 0,
+    need: |program, pe| {
+        let written = |word: &ControlWord| word.write.is_some_and(|target| target.address.ring);
+        match pe.words.iter().any(written) {
+            true => format!("keeps the past of {}", first(program, pe, written, |note| note.write)),
+            false => {
+                let received = |word: &ControlWord| word.receive.is_some_and(|(_, address)| address.ring);
+                format!("reads the past of {}", first(program, pe, received, |note| note.receive))
+            }
+        }
+    },
+}];
+
 fn receives(word: &ControlWord) -> bool {
     word.receive.is_some()
 }
@@ -160,7 +177,8 @@ fn first(
 /// The features of the PEs with their reasons, and the fields of the control words.
 pub fn features(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &Mapping) -> Features {
     let lookups = program.pes.iter().any(|pe| pe.features.index_words > 0);
-    let features = FEATURES.iter().chain(LOOKUPS.iter().filter(|_| lookups));
+    let rings = program.pes.iter().any(|pe| pe.features.ring_bits > 0);
+    let features = FEATURES.iter().chain(LOOKUPS.iter().filter(|_| lookups)).chain(RINGS.iter().filter(|_| rings));
     let mut rows: Vec<FeatureRow> = features.map(|feature| row(program, feature)).collect();
     rows.push(saturation(program, graph, judged, mapping));
     Features { pe: rows, control_word: fields(program), program: folds(program) }

@@ -13,6 +13,7 @@
 //! as they come up.
 
 pub mod accuracy;
+mod assembled;
 pub mod bottleneck;
 pub mod candidates;
 pub mod elimination;
@@ -26,6 +27,7 @@ pub mod penalty;
 pub mod pipeline;
 pub mod read;
 pub mod report;
+mod rings;
 pub mod scene;
 pub mod selection;
 pub mod settings;

@@ -15,14 +15,12 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use pe_hls::assemble::TooLarge;
 use pe_hls::mapping::{self, WireLength};
 use pe_hls::pairs::{self, Paired};
-use pe_hls::rounds::Rounds;
 use pe_hls::schedule::Bound;
 use pe_hls::step::StepOptions;
 use pe_hls::sums;
-use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::graph::StepGraph;
 use pe_ir::mapping::{Mapping, MappingCost};
 use pe_ir::model::Model;
 use pe_ir::program::Program;
@@ -31,11 +29,13 @@ use pe_ir::source::Diagnostic;
 use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
+use crate::assembled::{Assembled, assemble};
 use crate::candidates::{self, Candidates, Network};
 use crate::elimination::{self, Trial};
 use crate::failure::Failure;
 use crate::known::Known;
 use crate::mapping_file::MappingFile;
+use crate::rings;
 use crate::selection::{self, Price};
 use crate::settings::{MappingOptions, Settings, StageLoop, step_options};
 use crate::sized;
@@ -48,7 +48,6 @@ use pe_judge::runs::{self, Aids, Beyond, Comparison, Exact, Judged, Kept, Room, 
 use pe_judge::slots;
 use pe_judge::tables;
 use pe_judge::{Coefficients, Criteria, DesignPoint, ProofMode};
-use pe_target::area::{self, Family};
 
 /// What annealing made of one start.
 #[derive(Clone, Debug)]
@@ -146,9 +145,15 @@ pub fn prepare(
     let Settings { criteria, mapping: mapping_options, seed } = settings;
     let (file, pes) = given_mapping(loaded, mapping_options, point.pes)?;
     let graph = step_for(loaded, point, mapping_options, pes, watch)?;
-    let given = file.map(|file| candidates::given(&file, &graph, mapping_options.ports())).transpose()?;
+    let named = |graph: &StepGraph| -> Result<_, Failure> {
+        file.as_ref().map(|file| candidates::given(file, graph, mapping_options.ports())).transpose()
+    };
+    let early = named(&graph);
     let stepped = run(loaded, graph, watch)?;
     let (graph, judged) = formatted(loaded, criteria, point, &stepped, watch)?;
+    // Rings have fewer equations.
+    let ringed = rings::with_rings(&loaded.model, &graph, &judged, mapping_options);
+    let given = ringed.map_or(early, |(ringed, _)| named(&ringed))?;
     Ok(Prepared { graph, judged: Arc::new(judged), network: Network { pes, exact: false, seed: *seed, given } })
 }
 
@@ -306,8 +311,33 @@ fn given_mapping(
 }
 
 /// Designs the network for a step graph whose formats are settled. Mappings and schedules that are known are not looked for
-/// again. The design's step may have relays beside it.
+/// again. The design's step may have relays beside it, and rings in place of long rows of past words.
+///
+/// # Errors
+/// Those of all stages.
 pub fn implement(
+    loaded: &LoadedModel,
+    graph: &Arc<StepGraph>,
+    judged: &Arc<Judged>,
+    network: Network,
+    mapping_options: &MappingOptions,
+    known: &Known,
+    watch: &mut Stopwatch,
+) -> Result<Design, Failure> {
+    let Some((of_rings, judged_rings)) = rings::with_rings(&loaded.model, graph, judged, mapping_options) else {
+        return implement_step(loaded, graph, judged, network, mapping_options, known, watch);
+    };
+    match implement_step(loaded, &of_rings, &judged_rings, network.clone(), mapping_options, known, watch) {
+        // Rings take powers of two of words, for which a memory may be too small.
+        Err(Failure::Usage(_)) if network.given.is_none() => {
+            implement_step(loaded, graph, judged, network, mapping_options, known, watch)
+        }
+        other => other,
+    }
+}
+
+/// The same without rings that are not there yet.
+fn implement_step(
     loaded: &LoadedModel,
     graph: &Arc<StepGraph>,
     judged: &Arc<Judged>,
@@ -425,40 +455,6 @@ pub fn implement(
     let figure = |_: &_| "mapping, schedule, program".to_owned();
     watch.stage_saying("check", |say| check(&design, latency, mapping_options, say), figure)?;
     Ok(design)
-}
-
-/// A program and the schedule that it follows.
-struct Assembled {
-    schedule: Schedule,
-    /// The schedule before stages that are alike became rounds, where they did.
-    flat: Option<Schedule>,
-    program: Program,
-}
-
-/// Assembles the schedule, or one of rounds that are alike, whichever takes the smaller product of area and cycles.
-fn assemble(
-    model: &Model,
-    graph: &StepGraph,
-    fixed: &FixedPoint,
-    mapping: &Mapping,
-    schedule: Schedule,
-    stage_loop: StageLoop,
-) -> Result<Assembled, TooLarge> {
-    let program = pe_hls::assemble::assemble(model, graph, fixed, mapping, &schedule)?;
-    if stage_loop == StageLoop::Off {
-        return Ok(Assembled { schedule, flat: None, program });
-    }
-    let Some(rounds) = Rounds::of(graph, fixed) else { return Ok(Assembled { schedule, flat: None, program }) };
-    let round = pe_hls::schedule::schedule(&rounds.graph, mapping, Latency::of(&fixed.format));
-    let cost =
-        |program: &Program| area::estimate(program, Family::default()).equivalent_luts() * f64::from(program.period);
-    match pe_hls::assemble::assemble_rounds(model, graph, fixed, mapping, &rounds, &round) {
-        Ok(looped) if stage_loop == StageLoop::On || cost(&looped) < cost(&program) => {
-            Ok(Assembled { schedule: rounds.unroll(graph, &round), flat: Some(schedule), program: looped })
-        }
-        Err(limit) if stage_loop == StageLoop::On => Err(limit),
-        _ => Ok(Assembled { schedule, flat: None, program }),
-    }
 }
 
 /// The step graph that is mapped: built, and split for the number of PEs; or that of the text that the model comes

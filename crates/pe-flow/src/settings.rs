@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use pe_hls::mapping::MapOptions;
+use pe_hls::rings;
 use pe_hls::step::{Order, Scheme, StepOptions};
 use pe_judge::{Coefficients, Criteria, DesignPoint};
 
@@ -27,6 +28,8 @@ pub struct MappingOptions {
     pub elimination: Option<Order>,
     /// How symmetric matrices of linear systems are eliminated; found by trial if there is none.
     pub factors: Option<Scheme>,
+    /// Which rows of past words are kept in rings.
+    pub rings: rings::Choice,
 }
 
 impl Default for MappingOptions {
@@ -39,6 +42,7 @@ impl Default for MappingOptions {
             stage_loop: StageLoop::Auto,
             elimination: None,
             factors: None,
+            rings: rings::Choice::default(),
         }
     }
 }

@@ -17,6 +17,7 @@ pub mod outputs;
 pub mod pairs;
 mod passes;
 pub mod relay;
+pub mod rings;
 pub mod rounding;
 pub mod rounds;
 pub mod route;

@@ -30,6 +30,7 @@ pub const PASSES: &[Pass] = &[
     pass("two_slots", "StepGraph", "StepGraph", "gives coefficients a second issue slot on request"),
     pass("formats", "StepGraph", "FixedPoint", "chooses a number format for every value"),
     pass("rounding", "StepGraph", "FixedPoint", "rounds coefficients so that errors cancel"),
+    pass("rings", "StepGraph, FixedPoint", "StepGraph, FixedPoint", "keeps long rows of past words in rings of memory"),
     pass("relay", "StepGraph", "StepGraph", "copies what many equations read of several others"),
     pass("mapping", "StepGraph", "Mapping", "assigns every equation to a PE"),
     pass("even", "Mapping", "Mapping", "balances loads under the pairs that a mapping allows"),

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
 use pe_ir::index::{self, ChainId, EquationId, List, PeId, StateId, at};
+use pe_ir::pasts::Pasts;
 use pe_ir::schedule::{Schedule, Transfer};
 
 /// What a step is made of: rounds, and the values and chains of one.
@@ -51,7 +52,8 @@ impl<'a> Rounds<'a> {
     /// The rounds of a step, if its stages are alike.
     pub fn of(graph: &StepGraph, fixed: &FixedPoint) -> Option<Rounds<'static>> {
         let alike = matches!(graph.form, StageForm::Horner | StageForm::Factors | StageForm::Sums);
-        if !alike || graph.stages < 2 {
+        // Rings move on once in a step.
+        if !alike || graph.stages < 2 || !Pasts::of(graph).is_empty() {
             return None;
         }
         let mut inner = List::filled(0, graph.equations.len());

@@ -15,7 +15,7 @@ use pe_hls::rounding::{self, Aim, Sampling};
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_hls::{
-    assemble, even, functions, fuse, lift, outputs, pairs, relay, route, schedule, shorten, split, step, sums,
+    assemble, even, functions, fuse, lift, outputs, pairs, relay, rings, route, schedule, shorten, split, step, sums,
     two_slots,
 };
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
@@ -275,6 +275,23 @@ fn relay_copies_what_many_read() {
         step_or_unchanged(
             relay::relay(&case.graph(), pes, max_in_degree, relays).as_ref().map(|relayed| &*relayed.graph),
         )
+    });
+}
+
+#[test]
+fn rings_keep_rows_of_past_words() {
+    check("rings", |case| {
+        let graph = case.graph();
+        let fixed = case.fixed(&graph);
+        let choice = match case.option("choice", "cost".to_owned()).as_str() {
+            "rings" => rings::Choice::Rings,
+            "copies" => rings::Choice::Copies,
+            _ => rings::Choice::ByCost,
+        };
+        match rings::rings(&graph, &fixed, choice) {
+            Some(ringed) => valid_step(&ringed.graph) + &valid_fixed(&ringed.graph, &ringed.fixed),
+            None => "unchanged\n".to_owned(),
+        }
     });
 }
 

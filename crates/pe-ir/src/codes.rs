@@ -203,6 +203,7 @@ codes! {
     GUARD_LEFT_OUT = "W0928", "choice against 0/0 left out";
     START_MOVED = "W0932", "initial values moved";
     CLOSURES_OPEN = "W0933", "closures open";
+    ROWS_STAY = "W0935", "past words that move on with every step";
     EVENTS_APART = "W0937", "rates of events differ";
     BY_EVENTS = "W0938", "judged by events";
     ROLE_UNKNOWN = "W1001", "role still to be told";

@@ -20,6 +20,7 @@ pub mod model;
 pub mod motion;
 mod moved;
 pub mod multiplier;
+pub mod pasts;
 pub mod place;
 pub mod program;
 pub mod schedule;

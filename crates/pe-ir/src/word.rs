@@ -206,6 +206,11 @@ impl WordFormat {
         word >> self.data_drop()
     }
 
+    /// The stored word of a value that is kept as a data operand alone.
+    pub fn operand_word(&self, operand: i64) -> i64 {
+        (operand << self.data_drop()) + self.data_offset()
+    }
+
     /// What the coefficient port sees of a stored word.
     #[inline]
     pub fn factor_operand(&self, word: i64) -> i64 {

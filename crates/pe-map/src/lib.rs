@@ -346,6 +346,10 @@ pub struct State {
     pub address: u16,
     /// PEs and addresses of imported memories that hold a copy between two steps.
     pub copies: Vec<(u32, u16)>,
+    /// How many steps ago it was written, if it is one of the past words of a ring: the addresses, where it has no base word, are
+    /// those of the first step, and the words of a ring move on by one with every step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub age: Option<u32>,
     /// Stored word of the initial state.
     pub initial: i64,
 }

@@ -64,6 +64,8 @@ pub struct Clocked<P> {
     word: usize,
     cycle: u64,
     odd: bool,
+    /// Steps whose control words were all executed: rings move on behind the last word.
+    turns: u64,
     settle: bool,
     steps: u64,
     overflow_cycle: Option<u64>,
@@ -120,6 +122,7 @@ impl<P: Deref<Target = Program>> Clocked<P> {
             word: 0,
             cycle: 0,
             odd: false,
+            turns: 0,
             settle: true,
             steps: 0,
             overflow_cycle: None,
@@ -181,8 +184,15 @@ impl<P: Deref<Target = Program>> Clocked<P> {
 
     /// Stored word of a state as the next step starts.
     pub fn state(&self, index: StateId) -> i64 {
-        let (pe, word) = self.program.states[index].own;
-        self.pes[pe].base_words[self.program.pes[pe].features.base_word(word)]
+        let state = &self.program.states[index];
+        let ((pe, word), features) = (state.own, &self.program.pes[state.own.0].features);
+        match state.age {
+            None => self.pes[pe].base_words[features.base_word(word)],
+            Some(_) => {
+                let operand = self.pes[pe].own[usize::from(state.own_word(features, self.turns))];
+                self.program.format.operand_word(operand)
+            }
+        }
     }
 
     /// The control word, counted as in traces, with which the overflow flag rose.
@@ -281,6 +291,7 @@ impl<P: Deref<Target = Program>> Clocked<P> {
         }
         if self.word == at(self.program.period) {
             self.word = 0;
+            self.turns += 1;
         }
     }
 
@@ -296,7 +307,8 @@ impl<P: Deref<Target = Program>> Clocked<P> {
         let (format, features) = (&program.format, &program.pes[index].features);
         let control = &*self.control;
         let (word, used) = (&control.words[index][self.word], control.used[index][self.word]);
-        let clock = Clock { program, pe: index, word, used, odd: self.odd, ends_step, cycle: self.cycle };
+        let turn = (self.odd, self.turns);
+        let clock = Clock { program, pe: index, word, used, turn, ends_step, cycle: self.cycle };
         let pe = &mut self.pes[index];
         let cover = &mut self.coverage.pes[index];
         let reads = pe.read(&clock);

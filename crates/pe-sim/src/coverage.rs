@@ -28,7 +28,7 @@ pub(crate) const INDEX: usize = 4;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PeCoverage {
     /// For each control word a bit per [`FieldName`].
-    pub fields: Vec<u32>,
+    pub fields: Vec<u64>,
     /// Words of each memory that were read at all.
     pub fetched: [Vec<bool>; 5],
     /// Words of each memory that were read with effect.
@@ -55,20 +55,26 @@ fn places(address: Address, depth: usize) -> [usize; 2] {
     [word, if address.swap { word ^ (depth / 2) } else { word }]
 }
 
+/// The bits beside an address that change it.
+fn moved(address: Address, swap: FieldName, ring: FieldName) -> u64 {
+    let swapped = if address.swap { bit(swap) } else { 0 };
+    swapped | if address.ring { bit(ring) } else { 0 }
+}
+
 /// What parts of a control word can have at work: each marks it, and gives the fields.
 impl PeCoverage {
     /// Operands, their factor, and the end of a sum.
-    fn operands(&mut self, word: &ControlWord) -> u32 {
+    fn operands(&mut self, word: &ControlWord) -> u64 {
         let mut fields = 0;
-        let mut operand = |address: Option<Address>, names: [FieldName; 3], memory: usize| {
+        let mut operand = |address: Option<Address>, names: [FieldName; 4], memory: usize| {
             let Some(address) = address else { return };
             let depth = self.read[memory].len();
-            fields |= bit(names[0]) | bit(names[1]) | if address.swap { bit(names[2]) } else { 0 };
+            fields |= bit(names[0]) | bit(names[1]) | moved(address, names[2], names[3]);
             places(address, depth).iter().for_each(|word| self.read[memory][*word] = true);
         };
-        operand(word.own, [FieldName::OwnEnable, FieldName::OwnAddress, FieldName::OwnSwap], OWN);
-        let imported = [FieldName::ImportedEnable, FieldName::ImportedAddress, FieldName::ImportedSwap];
-        operand(word.imported, imported, IMPORTED);
+        use FieldName::*;
+        operand(word.own, [OwnEnable, OwnAddress, OwnSwap, OwnRing], OWN);
+        operand(word.imported, [ImportedEnable, ImportedAddress, ImportedSwap, ImportedRing], IMPORTED);
         if word.own.is_some() || word.imported.is_some() {
             fields |= match word.coefficient {
                 CoefficientOperand::Coefficient(_) => bit(FieldName::Coefficient),
@@ -91,7 +97,7 @@ impl PeCoverage {
         indexed: bool,
         (program, pe): (&Program, &PeProgram),
         kept: &[bool],
-    ) -> u32 {
+    ) -> u64 {
         let mut fields = bit(FieldName::Shift);
         if let Some(base) = word.base {
             let entries = if indexed { pe.features.segments().count() } else { 1 };
@@ -108,11 +114,11 @@ impl PeCoverage {
     }
 
     /// Memories that a result is written to.
-    fn write(&mut self, target: Target, features: &PeFeatures, ends_step: bool) -> u32 {
+    fn write(&mut self, target: Target, features: &PeFeatures, ends_step: bool) -> u64 {
         let mut fields = bit(FieldName::WriteAddress);
         if target.own {
             fields |= bit(FieldName::WriteOwn);
-            fields |= if target.address.swap { bit(FieldName::WriteSwap) } else { 0 };
+            fields |= moved(target.address, FieldName::WriteSwap, FieldName::WriteRing);
             let depth = self.written[OWN].len();
             let words = places(target.address, depth);
             words.iter().for_each(|word| self.written[OWN][word & (depth - 1)] = true);
@@ -129,10 +135,10 @@ impl PeCoverage {
     }
 
     /// The port that is received from, and the imported word.
-    fn receive(&mut self, port: PortId, address: Address) -> u32 {
+    fn receive(&mut self, port: PortId, address: Address) -> u64 {
         let mut fields = bit(FieldName::ReceiveEnable) | bit(FieldName::ReceiveAddress);
         fields |= if self.ports.len() > 1 { bit(FieldName::Port) } else { 0 };
-        fields |= if address.swap { bit(FieldName::ReceiveSwap) } else { 0 };
+        fields |= moved(address, FieldName::ReceiveSwap, FieldName::ReceiveRing);
         let depth = self.written[IMPORTED].len();
         places(address, depth).iter().for_each(|word| self.written[IMPORTED][*word] = true);
         self.ports[port] = true;
@@ -160,7 +166,7 @@ pub struct Coverage {
 }
 
 /// Bit of a field in [`PeCoverage::fields`].
-pub fn bit(field: FieldName) -> u32 {
+pub fn bit(field: FieldName) -> u64 {
     1 << field as u32
 }
 

@@ -1,7 +1,8 @@
 //! The step graph in fixed point: bit for bit what the hardware computes, without its timing.
 
 use pe_ir::graph::{FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index::{StateId, at};
+use pe_ir::index::{List, StateId, at};
+use pe_ir::pasts::Pasts;
 use pe_ir::word::WordFormat;
 
 use crate::slots::Slots;
@@ -18,6 +19,8 @@ pub struct FixedRun<'a> {
     units: Vec<(i64, f64)>,
     /// The same of each output, with its slot.
     outputs: Vec<(u32, i64, f64)>,
+    /// Whether each state is in a ring.
+    rings: List<StateId, bool>,
 }
 
 /// Words and the tape, as wide as the multiplier's ports need.
@@ -61,12 +64,12 @@ impl<'a> FixedRun<'a> {
             (slots.of(*id), zero, unit)
         };
         let outputs = graph.outputs.iter().map(output).collect();
-        let mut run = FixedRun { graph, fixed, slots, state, units, outputs };
+        let pasts = Pasts::of(graph);
+        let rings = graph.states.ids().map(|state| pasts.find(state).is_some()).collect();
+        let mut run = FixedRun { graph, fixed, slots, state, units, outputs, rings };
         for (index, initial) in graph.initial.numbered() {
             let id = graph.states[index].0;
-            let (word, saturated) =
-                fixed.format.encode(*initial, fixed.exponents[id.index()], fixed.format.data_offset());
-            run.set(id, word);
+            let saturated = run.take_state(index, *initial);
             let slot = at(run.slots.of(id));
             on_words!(&mut run.state, words => words.saturations[slot] += u64::from(saturated));
         }
@@ -80,10 +83,18 @@ impl<'a> FixedRun<'a> {
 
     /// Puts a number in the place of a state's.
     pub fn set_state(&mut self, index: StateId, number: f64) {
+        self.take_state(index, number);
+    }
+
+    /// The same; whether it saturated.
+    fn take_state(&mut self, index: StateId, number: f64) -> bool {
         let id = self.graph.states[index].0;
-        let exponent = self.fixed.exponents[id.index()];
-        let (word, _) = self.fixed.format.encode(number, exponent, self.fixed.format.data_offset());
-        self.set(id, word);
+        let (exponent, format) = (self.fixed.exponents[id.index()], &self.fixed.format);
+        let (word, saturated) = format.encode(number, exponent, format.data_offset());
+        // Rings keep operands.
+        let in_ring = self.rings[index];
+        self.set(id, if in_ring { format.operand_word(format.data_operand(word)) } else { word });
+        saturated
     }
 
     /// The input port's word for a number: `storage_bits` wide, rounded; the flag tells whether it saturated.

@@ -102,7 +102,7 @@ impl<P: Deref<Target = Program>> Machine<P> {
             let slot = self.homes.input(index);
             on_steps!(&mut self.network, steps => steps.words.set_operand(at(slot), format.input_operand(word)));
         }
-        let step = (self.cycle, self.parity, &mut self.checksums[..]);
+        let step = (self.cycle, self.parity, self.steps, &mut self.checksums[..]);
         let causes = on_steps!(&mut self.network, steps => steps.run(&format, step, &mut self.outputs, trace));
         self.causes.saturated |= causes.saturated;
         self.causes.operand |= causes.operand;
@@ -164,7 +164,12 @@ impl<P: Deref<Target = Program>> Machine<P> {
 
     /// Stored word of a state as the next step starts.
     pub fn state(&self, index: StateId) -> i64 {
-        let (pe, word) = self.program.states[index].own;
+        let state = &self.program.states[index];
+        let (pe, word) = state.own;
+        if state.age.is_some() {
+            let slot = at(self.homes.own(pe, usize::from(word)));
+            return self.program.format.operand_word(on_steps!(&self.network, steps => steps.operand(slot)));
+        }
         let word = self.program.pes[pe].features.base_word(word);
         let slot = at(self.homes.base(pe, word));
         on_steps!(&self.network, steps => steps.words.words[slot])
@@ -238,6 +243,11 @@ impl<P: Port> Steps<P> {
         state
     }
 
+    /// The data operand in a slot.
+    fn operand(&self, slot: usize) -> i64 {
+        self.words.data[slot].into()
+    }
+
     /// Fills memories and pipeline from the program's images.
     fn restart(&mut self, program: &Program, homes: &Homes) {
         load(program, homes, &mut self.words);
@@ -246,7 +256,7 @@ impl<P: Port> Steps<P> {
         (self.too_large, self.escaped) = (false, false);
         let checksums = &mut vec![0; program.pes.len()];
         std::mem::swap(&mut self.settling, &mut self.even);
-        self.run(&program.format, (0, false, checksums), &mut vec![0; program.outputs.len()], &mut |_| {});
+        self.run(&program.format, (0, false, 0, checksums), &mut vec![0; program.outputs.len()], &mut |_| {});
         std::mem::swap(&mut self.settling, &mut self.even);
     }
 
@@ -254,7 +264,7 @@ impl<P: Port> Steps<P> {
     fn run(
         &mut self,
         format: &WordFormat,
-        (cycle, parity, checksums): (u64, bool, &mut [u64]),
+        (cycle, parity, number, checksums): (u64, bool, u64, &mut [u64]),
         outputs: &mut [i64],
         trace: &mut impl FnMut(TraceLine),
     ) -> Causes {
@@ -279,9 +289,10 @@ impl<P: Port> Steps<P> {
                 false => (words.data[slot].into(), format.data_bits),
             };
             let value = word as u64 & (u64::MAX >> (64 - bits));
-            trace(TraceLine { cycle: cycle + u64::from(write.cycle), pe: write.pe, address: write.address, value });
+            let address = write.address_in(number);
+            trace(TraceLine { cycle: cycle + u64::from(write.cycle), pe: write.pe, address, value });
         }
-        step.checksums.advance(checksums, format, &words.words, &words.data);
+        step.checksums.advance((checksums, number), format, &words.words, &words.data);
         for (output, (slot, proven)) in outputs.iter_mut().zip(&step.outputs) {
             let (shown, clamped) = shown(format, words.words[at(*slot)]);
             *output = shown;
@@ -381,7 +392,10 @@ fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> V
     }
     for state in &program.states {
         let (pe, word) = state.own;
-        need(homes.base(pe, program.pes[pe].features.base_word(word)));
+        need(match state.age {
+            None => homes.base(pe, program.pes[pe].features.base_word(word)),
+            Some(_) => homes.own(pe, usize::from(word)),
+        });
     }
     let moves = recordings.iter().map(|recording| recording.moves(homes));
     let moves: Vec<Move> = moves.flat_map(|moves| [moves.words, moves.operands, moves.factors].concat()).collect();

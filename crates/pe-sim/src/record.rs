@@ -4,6 +4,7 @@
 //! The control words alone decide what every register and memory word holds when, so one look at them suffices: what
 //! remains for each step are the sums that reach a result which something reads. Registers and memories are those of
 //! the datasheet, clock by clock, whatever the bits of the control words; nothing here knows of values or equations.
+//! Rings are followed as they are in the first step; at the end of each step their words move on by a place.
 //!
 //! Words live in slots. Every register and memory word has a *home*, where the next step finds what it held at the end
 //! of this one; what a step computes gets slots of its own. Sums that are under way at the end of a step are kept.
@@ -13,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
 
 use pe_ir::index::{self, List, PeId, at};
-use pe_ir::program::{Address, CoefficientOperand, ControlWord, LinkSource, Program};
+use pe_ir::program::{Address, CoefficientOperand, ControlWord, LinkSource, PeFeatures, Program};
 
 use crate::tiles::{Chain, Columns, Factor, Outcome, Term, Write};
 use crate::trace::MemoryWrite;
@@ -271,19 +272,24 @@ impl Recording {
         for (index, output) in program.outputs.iter().enumerate() {
             captures.entry((output.word, output.pe)).or_default().push(index);
         }
-        let (mut word, mut parity) = (stretch.from, stretch.parity);
+        let (mut word, mut parity, mut turn) = (stretch.from, stretch.parity, 0);
         for cycle in 0..stretch.count {
             let links: List<PeId, u32> = recording.pes.iter().map(|pe| pe.link).collect();
             for pe in program.pes.ids() {
                 let captured = captures.get(&(word, pe)).map_or(&[][..], Vec::as_slice);
-                recording.clock(stretch, homes, kept, (cycle, word, parity), pe, &links, captured);
+                recording.clock(stretch, homes, kept, (cycle, word, parity, turn), pe, &links, captured);
             }
             word += 1;
             if word.is_multiple_of(program.round_words()) {
                 parity = !parity;
             }
             if word == program.period {
-                word = 0;
+                (word, turn) = (0, turn + 1);
+            }
+        }
+        if !stretch.settle {
+            for ((index, pe), words) in recording.pes.numbered_mut().zip(stretch.words) {
+                pe.turn(&rings(words, &program.pes[index].features), &program.pes[index].features);
             }
         }
         recording
@@ -296,7 +302,7 @@ impl Recording {
         stretch: &Stretch,
         homes: &Homes,
         kept: &mut KeptSums,
-        (cycle, word, parity): (u32, u32, bool),
+        (cycle, word, parity, turn): (u32, u32, bool, u32),
         index: PeId,
         links: &List<PeId, u32>,
         captured: &[usize],
@@ -306,13 +312,15 @@ impl Recording {
         let word = stretch.words[index][at(word)];
         let pe = &self.pes[index];
         let own_depth = pe.own.len();
+        let features = &program.features;
+        let physical = |address: Address, depth: usize| physical(address, depth, (parity, u64::from(turn)), features);
         // Reads come before the writes at the end of the word.
         let second = match word.coefficient {
             CoefficientOperand::Coefficient(value) => Factor::Coefficient(value),
             CoefficientOperand::Stored(address) => pe.coefficients[usize::from(address)],
         };
-        let own = word.own.map(|a| pe.own[physical(a, own_depth, parity)]);
-        let imported = word.imported.map(|a| pe.imported[physical(a, pe.imported.len(), parity)]);
+        let own = word.own.map(|a| pe.own[physical(a, own_depth)]);
+        let imported = word.imported.map(|a| pe.imported[physical(a, pe.imported.len())]);
         let operands = own.into_iter().chain(imported);
         if program.features.pre_adder && own.is_some() && imported.is_some() {
             if cycle + stretch.program.latency().operand_flag() >= stretch.count {
@@ -331,7 +339,8 @@ impl Recording {
             let slot = self.result(index, kept);
             if let Some(target) = write {
                 // The swap bit turns the top bit of the own memory's address over, also in a wider write address.
-                let address = physical(target.address, own_depth, parity);
+                let address = physical(target.address, own_depth);
+                let ring = if target.address.ring { program.features.ring_bits } else { 0 };
                 let pe = &mut self.pes[index];
                 if target.own {
                     pe.own[address & (own_depth - 1)] = slot;
@@ -342,7 +351,15 @@ impl Recording {
                 if target.factor {
                     pe.coefficients[program.features.factor_word(target.address.word)] = Factor::Value(slot);
                 }
-                self.writes.push(MemoryWrite { cycle, pe: index, address: index::number(address), slot, own: true });
+                self.writes.push(MemoryWrite {
+                    cycle,
+                    pe: index,
+                    address: index::number(address),
+                    offset: 0,
+                    ring,
+                    slot,
+                    own: true,
+                });
             }
             if let Some((address, octaves)) = write_index {
                 let segment = self.lookup(|target| Outcome::Segment { target, argument: slot, octaves });
@@ -364,10 +381,11 @@ impl Recording {
                 LinkSource::Pe(source) => links[source],
                 LinkSource::Input(input) => homes.input(input),
             };
-            let address = physical(a, pe.imported.len(), parity);
+            let address = physical(a, pe.imported.len());
+            let ring = if a.ring { program.features.ring_bits } else { 0 };
             pe.imported[address] = slot;
-            let address = program.features.write_words() + index::number(address);
-            self.writes.push(MemoryWrite { cycle, pe: index, address, slot, own: false });
+            let (address, offset) = (index::number(address), program.features.write_words());
+            self.writes.push(MemoryWrite { cycle, pe: index, address, offset, ring, slot, own: false });
         }
         let scaled = Pending { base: pe.scale.0, held: Rc::clone(&pe.hold), shift: pe.scale.1, slot: None };
         pe.results.push_back(scaled);
@@ -533,6 +551,13 @@ impl Pe {
         }
     }
 
+    /// Words of rings move on by a place.
+    fn turn(&mut self, rings: &[BTreeSet<usize>; 2], features: &PeFeatures) {
+        for (memory, rings) in [&mut self.own, &mut self.imported].into_iter().zip(rings) {
+            rings.iter().for_each(|first| memory[*first..][..1 << features.ring_bits].rotate_left(1));
+        }
+    }
+
     /// The sum of some registers.
     fn sum_of(&self, registers: u64) -> Sum {
         let mut sum = Sum::default();
@@ -549,8 +574,27 @@ impl Pe {
     }
 }
 
-/// Memory index of an address: the top bit of a swapping address is inverted in odd steps.
-pub(crate) fn physical(address: Address, depth: usize, parity: bool) -> usize {
+/// Memory index of an address: that of a pair has its top bit inverted in odd steps, that of a ring is a place further in each.
+pub(crate) fn physical(address: Address, depth: usize, (parity, step): (bool, u64), features: &PeFeatures) -> usize {
     let index = usize::from(address.word);
-    if address.swap && parity { index ^ (depth / 2) } else { index }
+    match address {
+        Address { ring: true, word, .. } => usize::from(features.turned(word, step)),
+        Address { swap: true, .. } if parity => index ^ (depth / 2),
+        _ => index,
+    }
+}
+
+/// First words of the rings in the own and in the imported memory of a PE.
+fn rings(words: &[ControlWord], features: &PeFeatures) -> [BTreeSet<usize>; 2] {
+    let mut rings = [BTreeSet::new(), BTreeSet::new()];
+    let bits = features.ring_bits;
+    for word in words.iter().filter(|_| bits > 0) {
+        let written = word.write.map(|target| target.address);
+        let received = word.receive.map(|(_, address)| address);
+        for (rings, addresses) in rings.iter_mut().zip([[word.own, written], [word.imported, received]]) {
+            let words = addresses.into_iter().flatten().filter(|address| address.ring);
+            rings.extend(words.map(|address| usize::from(address.word) >> bits << bits));
+        }
+    }
+    rings
 }

@@ -1,9 +1,11 @@
 //! Layout of the values of a step graph while it runs.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::graph::{Chain, Role, StepGraph, ValueId, Write};
-use pe_ir::index::{self, ChainId, at};
+use pe_ir::index::{self, ChainId, StateId, at};
+use pe_ir::pasts::{Past, Pasts};
 
 use crate::tiles::{self, Outcome};
 
@@ -95,7 +97,23 @@ impl Slots {
                 slots.column_of.insert(index, number);
             }
         }
+        // A word of a ring leaves before the one that comes after it arrives.
+        let pasts = Pasts::of(graph);
+        let mut members: Vec<(StateId, Past)> = pasts.members().filter(|(_, past)| past.age > 1).collect();
+        members.sort_unstable_by_key(|(state, past)| (past.head, Reverse(past.age), *state));
+        for (state, next) in members.iter().map(|(state, _)| graph.states[*state]) {
+            let (from, to) = (slots.of(next), slots.of(state));
+            match slots.copies.last_mut() {
+                Some((start, target, length)) if from + 1 == *start && to + 1 == *target => {
+                    (*start, *target, *length) = (from, to, *length + 1);
+                }
+                _ => slots.copies.push((from, to, 1)),
+            }
+        }
         for (state, next) in &graph.states {
+            if matches!(graph.value(*next).role, Role::State(_)) {
+                continue;
+            }
             let (from, to) = (slots.of(*next), slots.of(*state));
             match slots.copies.last_mut() {
                 Some((start, target, length)) if from == *start + *length && to == *target + *length => *length += 1,
@@ -166,8 +184,8 @@ impl Slots {
     #[inline(always)]
     pub fn take_over<T: Copy>(&self, values: &mut [T]) {
         for (from, to, length) in &self.copies {
-            // Short rows are shorter than a call.
-            if *length < 16 {
+            // Short rows are shorter than a call; those of rings overlap.
+            if *length < 16 && from.abs_diff(*to) >= *length {
                 (0..at(*length)).for_each(|place| values[at(*to) + place] = values[at(*from) + place]);
             } else {
                 values.copy_within(at(*from)..at(from + length), at(*to));

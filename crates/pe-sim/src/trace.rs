@@ -44,10 +44,23 @@ pub(crate) struct MemoryWrite {
     /// Control words executed in the step before it.
     pub cycle: u32,
     pub pe: PeId,
+    /// The address in the first step, and what is added for its memory.
     pub address: u32,
+    pub offset: u32,
+    /// Bits that count the words of the ring in which it is, if it is in one.
+    pub ring: u32,
     pub slot: u32,
     /// Whether a result is written; otherwise the imported memory takes a data operand.
     pub own: bool,
+}
+
+impl MemoryWrite {
+    /// The address in a step.
+    pub fn address_in(&self, step: u64) -> u32 {
+        let mask = (1u64 << self.ring) - 1;
+        let place = ((u64::from(self.address) + step) & mask) as u32;
+        self.offset + (self.address & !(mask as u32) | place)
+    }
 }
 
 /// Factor of the rolling checksums: odd, so that no single difference can vanish.
@@ -73,8 +86,10 @@ pub(crate) struct Checksums {
 struct PeChecksum {
     /// Factor of the checksum before the step.
     factor: u64,
-    /// What the addresses add.
+    /// What the addresses add that are the same in all steps.
     addresses: u64,
+    /// Writes to rings, with the factors of their addresses.
+    rings: Vec<(MemoryWrite, u64)>,
     /// Ends in `own` and in `imported`.
     ends: (u32, u32),
 }
@@ -85,21 +100,32 @@ impl Checksums {
         writes.iter().for_each(|write| of_pe[write.pe].push(write));
         let mut checksums = Checksums { pes: Vec::with_capacity(pes), own: Vec::new(), imported: Vec::new() };
         for writes in of_pe {
-            let (mut factor, mut addresses) = (1u64, 0u64);
+            let (mut factor, mut addresses, mut rings) = (1u64, 0u64, Vec::new());
             for write in writes.iter().rev() {
-                addresses = addresses.wrapping_add((u64::from(write.address) << 48).wrapping_mul(factor));
+                match write.ring {
+                    0 => {
+                        addresses = addresses.wrapping_add((u64::from(write.address_in(0)) << 48).wrapping_mul(factor))
+                    }
+                    _ => rings.push((**write, factor)),
+                }
                 let memory = if write.own { &mut checksums.own } else { &mut checksums.imported };
                 memory.push((write.slot, factor));
                 factor = factor.wrapping_mul(CHECKSUM_FACTOR);
             }
             let ends = (number(checksums.own.len()), number(checksums.imported.len()));
-            checksums.pes.push(PeChecksum { factor, addresses, ends });
+            checksums.pes.push(PeChecksum { factor, addresses, rings, ends });
         }
         checksums
     }
 
-    /// Takes the writes of a step into the checksums of all PEs.
-    pub fn advance<P: Copy + Into<i64>>(&self, sums: &mut [u64], format: &WordFormat, words: &[i64], data: &[P]) {
+    /// Takes the writes of a step, of this number in the run, into the checksums of all PEs.
+    pub fn advance<P: Copy + Into<i64>>(
+        &self,
+        (sums, number): (&mut [u64], u64),
+        format: &WordFormat,
+        words: &[i64],
+        data: &[P],
+    ) {
         let (word_mask, data_mask) = (u64::MAX >> (64 - format.word_bits()), u64::MAX >> (64 - format.data_bits));
         let mut starts = (0, 0);
         for (sum, pe) in sums.iter_mut().zip(&self.pes) {
@@ -108,7 +134,12 @@ impl Checksums {
             let imported = self.imported[imported].iter();
             let imported = imported.map(|(slot, weight)| (data[at(*slot)].into() as u64 & data_mask, weight));
             let weigh = |sum: u64, (value, weight): (u64, &u64)| sum.wrapping_add(value.wrapping_mul(*weight));
-            let before = sum.wrapping_mul(pe.factor).wrapping_add(pe.addresses);
+            let rings = pe
+                .rings
+                .iter()
+                .map(|(write, factor)| (u64::from(write.address_in(number)) << 48).wrapping_mul(*factor));
+            let addresses = rings.fold(pe.addresses, u64::wrapping_add);
+            let before = sum.wrapping_mul(pe.factor).wrapping_add(addresses);
             *sum = imported.fold(own.fold(before, weigh), weigh);
             starts = pe.ends;
         }

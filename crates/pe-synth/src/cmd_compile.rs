@@ -4,6 +4,7 @@ use pe_judge::DesignPoint;
 use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
+use pe_hls::rings;
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
@@ -180,6 +181,9 @@ impl Compile {
             design.program.host.add(name);
         }
         hosted(&design.program)?;
+        if design.program.host.replaces() {
+            watch.warn(rows_stay(&design).as_slice(), &loaded.sources);
+        }
         reached(&loaded.model, &design.program)?;
         let wanted = match self.outputs {
             OutputsArg::Auto => outputs::Wanted::Auto,
@@ -230,6 +234,10 @@ impl Compile {
         watch: &mut Stopwatch,
     ) -> Result<(Option<Choice>, Built), Failure> {
         let mut settings = self.model.settings(&self.mapping);
+        // What replaces states does not know where in a ring they are.
+        if self.host.iter().any(|name| Host::REPLACING.contains(&&**name)) {
+            settings.mapping.rings = rings::Choice::Chains;
+        }
         let goals = self.goal.goals(self.max_error, self.clock);
         if goals.is_none() && self.sample.is_some() {
             let message = "`--sample` needs a goal, such as `--max-error`, for which a step is chosen";
@@ -291,6 +299,18 @@ fn hosted(program: &Program) -> Result<(), Failure> {
         program.replacements().map_err(refused)?;
     }
     Ok(())
+}
+
+/// What rows of past words cost where states are replaced, and nothing can be in rings.
+fn rows_stay(design: &Design) -> Option<Diagnostic> {
+    let (all, ringed) =
+        (design.graph.macs(), rings::rings(&design.graph, &design.judged.fixed, rings::Choice::ByCost)?.graph.macs());
+    let message = format!(
+        "{} of {all} products of a step move on words of the past: what replaces states reaches no rings",
+        all - ringed
+    );
+    let help = "leave `restart` and `states` out of `--host`, or take a longer step";
+    Some(Diagnostic::global(codes::ROWS_STAY, message).with_help(help).into_warning())
 }
 
 /// Refuses tunable parameters that no host can write.

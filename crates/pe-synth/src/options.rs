@@ -13,6 +13,7 @@ use pe_flow::settings::{MappingOptions, Settings, StageLoop};
 use pe_flow::spec::{self, LoadedModel};
 use pe_flow::stages::Stages;
 use pe_flow::watch::{Listener, Stopwatch};
+use pe_hls::rings;
 use pe_hls::step::{Order, Scheme};
 use pe_hls::two_slots;
 use pe_ir::codes;
@@ -432,7 +433,8 @@ impl MappingArgs {
     pub fn options(&self) -> MappingOptions {
         let MappingArgs { mapping, tries, max_in_degree, no_pre_adder, stage_loop, elimination, factors } =
             self.clone();
-        MappingOptions { mapping, tries, max_in_degree, no_pre_adder, stage_loop, elimination, factors }
+        let rings = rings::Choice::default();
+        MappingOptions { mapping, tries, max_in_degree, no_pre_adder, stage_loop, elimination, factors, rings }
     }
 }
 

@@ -485,11 +485,18 @@ fn compare_states(program: &Program, engine: &str, run: &Run, expected: &Run) ->
 fn left_in_states(program: &Program, trace: &[TraceLine]) -> Vec<(u64, usize, u64)> {
     let (period, pause) = (u64::from(program.period), u64::from(program.latency().pause()));
     let mask = u64::MAX >> (64 - program.format.word_bits());
-    let initial = |state: &StateRegister| {
-        let pe = &program.pes[state.own.0];
-        pe.base_image[pe.features.base_word(state.own.1)] as u64 & mask
-    };
+    let initial = |state: &StateRegister| state.initial(program) as u64 & mask;
     let mut words: Vec<u64> = program.states.iter().map(initial).collect();
+    // Words of rings stay where they are, and states move on to the next ones.
+    let in_rings = |state: &&StateRegister| state.age.is_some();
+    let mut rings: BTreeMap<(PeId, u32), u64> = program
+        .states
+        .iter()
+        .filter(in_rings)
+        .map(|state| ((state.own.0, state.own.1.into()), initial(state)))
+        .collect();
+    let fills_ring =
+        |pe: PeId, word: u64| program.pes[pe].words[word as usize].write.is_some_and(|target| target.address.ring);
     let writers = program.states.iter().zip(program.state_writers()).enumerate();
     let states: BTreeMap<(PeId, u64), usize> = writers
         .flat_map(|(state, (register, words))| {
@@ -500,9 +507,18 @@ fn left_in_states(program: &Program, trace: &[TraceLine]) -> Vec<(u64, usize, u6
     for (step, lines) in (0..).zip(trace.chunk_by(|a, b| (a.cycle - pause) / period == (b.cycle - pause) / period)) {
         // What is imported comes behind the addresses that a PE itself writes.
         for line in lines.iter().filter(|line| line.address < program.pes[line.pe].features.write_words()) {
-            if let Some(state) = states.get(&(line.pe, line.cycle % period)) {
+            let word = line.cycle % period;
+            if let Some(state) = states.get(&(line.pe, word)) {
                 words[*state] = line.value;
             }
+            if fills_ring(line.pe, word) {
+                rings.insert((line.pe, line.address), line.value);
+            }
+        }
+        for (state, word) in program.states.iter().zip(&mut words).filter(|(state, _)| state.age.is_some()) {
+            let pe = state.own.0;
+            let place = state.own_word(&program.pes[pe].features, step + 1);
+            *word = rings.get(&(pe, place.into())).copied().unwrap_or_default();
         }
         left.extend(words.iter().enumerate().map(|(state, word)| (step, state, *word)));
     }

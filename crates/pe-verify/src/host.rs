@@ -320,12 +320,7 @@ fn with_states(program: &Program, word: impl Fn(usize) -> i64) -> Program {
 /// that was proven impossible.
 fn made(program: &Program, purpose: Purpose) -> Option<Candidate> {
     let made = stimuli::choose(program, purpose, 2 * AHEAD, &Coverage::none(program))?;
-    let states: Vec<i64> = (program.states.iter())
-        .map(|state| {
-            let pe = &made.program.pes[state.own.0];
-            pe.base_image[pe.features.base_word(state.own.1)]
-        })
-        .collect();
+    let states: Vec<i64> = program.states.iter().map(|state| state.initial(&made.program)).collect();
     let program = with_states(program, |state| states[state]);
     let escapes = stimuli::observe(&program, &made.stimulus, 2 * AHEAD).escaped;
     (!escapes).then_some(Candidate { program, stimulus: made.stimulus })

@@ -57,7 +57,7 @@ pub struct Case {
 }
 
 /// Shorthand for a feature record: own words, imported words, ports, shifts, and the flags among `fpws` for factor,
-/// pre-adder, swap and send; `t` is for tables, `o` for tables of octaves.
+/// pre-adder, swap and send; `t` is for tables, `o` for tables of octaves, `r` for rings.
 pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_bits: u32, flags: &str) -> PeFeatures {
     let tables = flags.contains(['t', 'o']);
     PeFeatures {
@@ -74,6 +74,7 @@ pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_
         accumulator_bits,
         factor: flags.contains('f'),
         pre_adder: flags.contains('p'),
+        ring_bits: if flags.contains('r') { 2 } else { 0 },
         swap: flags.contains('w'),
         base_last: flags.contains('l'),
         send: flags.contains('s'),
@@ -179,9 +180,10 @@ fn random_pe(
 
 fn random_word(random: &mut Random, format: &WordFormat, features: &PeFeatures) -> ControlWord {
     let imports = features.imported_words > 0;
-    let address = |random: &mut Random, depth: u32| Address {
-        word: random.below(u64::from(depth)) as u16,
-        swap: features.swap && random.chance(50),
+    let address = |random: &mut Random, depth: u32| {
+        let ring = features.ring_bits > 0 && depth >> features.ring_bits > 0 && random.chance(50);
+        let word = random.below(u64::from(depth)) as u16;
+        Address { word, swap: features.swap && !ring && random.chance(50), ring }
     };
     let mut word = ControlWord::default();
     match random.below(5) {
@@ -206,12 +208,16 @@ fn random_word(random: &mut Random, format: &WordFormat, features: &PeFeatures) 
         word.write_index = random.chance(50).then(|| (random.below(u64::from(features.index_words)) as u16, octaves));
     }
     word.shift = random.below(features.shifts.len() as u64) as u8;
-    let target = Target {
+    let mut target = Target {
         address: address(random, features.write_words()),
         own: random.chance(50),
         base: random.chance(40),
         factor: features.factor && random.chance(30),
     };
+    if target.address.ring {
+        // A ring has words of the own memory alone.
+        target = Target { address: address(random, features.own_words), own: true, base: false, factor: false };
+    }
     word.write = (target.own || target.base || target.factor).then_some(target);
     word.send = features.send && random.chance(50);
     if imports && features.ports > 0 && random.chance(50) {

@@ -7,9 +7,11 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index::{self, List, PeId};
+use pe_ir::index::{self, List, PeId, StateId};
 use pe_ir::mapping::Mapping;
 use pe_ir::memory::depth;
+use pe_ir::pasts::Pasts;
+use pe_ir::program::index_bits;
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
 
@@ -23,6 +25,8 @@ pub(super) struct Place {
     pub word: u32,
     /// Whether the word is one of a swapping pair.
     pub swap: bool,
+    /// Whether it is a word of a ring, as it is in the first step.
+    pub ring: bool,
 }
 
 /// Places of a value in its own PE.
@@ -47,6 +51,8 @@ pub(super) struct Depths {
     pub factors: u32,
     pub imported: u32,
     pub indices: u32,
+    /// Bits that count the words of a ring.
+    pub ring_bits: u32,
 }
 
 /// Places of all values.
@@ -85,10 +91,28 @@ impl Memories {
             columns: Vec::new(),
             imported: Vec::new(),
         };
+        let rings = Rings::of(graph);
+        memories.count_rings(graph, mapping, schedule, &rings);
         memories.allocate_indices(graph, mapping, schedule.period, &lives);
-        memories.allocate_own(rounds, fixed, mapping, schedule.period, &lives);
-        memories.allocate_imported(rounds, schedule, &lives, pes);
+        memories.allocate_own(rounds, fixed, mapping, schedule.period, (&lives, &rings));
+        memories.allocate_imported(rounds, schedule, &lives, &rings);
         memories
+    }
+
+    /// The rings of a PE have one size, whether they are in its own or in its imported memory.
+    fn count_rings(&mut self, graph: &StepGraph, mapping: &Mapping, schedule: &Schedule, rings: &Rings) {
+        let homes = rings.members.keys().map(|head| {
+            let equation = graph.value(graph.states[*head].1).equation.expect("states have a PE");
+            (mapping.pe_of[equation], *head)
+        });
+        let received = schedule.transfers.iter().filter_map(|transfer| match graph.value(transfer.value).role {
+            Role::Next(head) => Some((transfer.to, head)),
+            _ => None,
+        });
+        for (pe, head) in homes.chain(received) {
+            let bits = rings.members.get(&head).map_or(0, |members| index_bits(oldest(members) + 1));
+            self.depths[pe].ring_bits = self.depths[pe].ring_bits.max(bits);
+        }
     }
 
     /// Indices live from the word of their argument to the last lookup.
@@ -107,6 +131,11 @@ impl Memories {
             }
             depths.indices = if count > 0 { depth(count) } else { 0 };
         }
+    }
+
+    /// Empty layouts of all PEs.
+    fn layouts(&self) -> List<PeId, Layout> {
+        self.depths.iter().map(|depths| Layout { ring_bits: depths.ring_bits, ..Layout::default() }).collect()
     }
 
     /// Places for the columns that each PE reads, the first one at or behind `end`; the ends.
@@ -147,11 +176,18 @@ impl Memories {
         ends
     }
 
-    fn allocate_own(&mut self, rounds: &Rounds, fixed: &FixedPoint, mapping: &Mapping, period: u32, lives: &Lives) {
+    fn allocate_own(
+        &mut self,
+        rounds: &Rounds,
+        fixed: &FixedPoint,
+        mapping: &Mapping,
+        period: u32,
+        (lives, rings): (&Lives, &Rings),
+    ) {
         let graph = rounds.graph.as_ref();
         let swap = graph.swaps();
         let pes = index::at(mapping.pes);
-        let mut layouts: List<PeId, Layout> = List::filled(Layout::default(), pes);
+        let mut layouts = self.layouts();
         let mut bases: List<PeId, u32> = List::filled(0, pes);
         let pe_of = |index: usize| mapping.pe_of[graph.values[index].equation.expect("own values have a PE")];
         let mut slots: Vec<Option<Slot>> = vec![None; graph.values.len()];
@@ -159,8 +195,14 @@ impl Memories {
         let mut base_layouts: List<PeId, Layout> = List::filled(Layout::default(), pes);
         let mut places: Vec<Option<Slot>> = vec![None; graph.values.len()];
         // Words of both memories come first, at equal indices.
-        for (state, _) in &graph.states {
+        for (index, (state, next)) in graph.states.numbered() {
             let pe = pe_of(state.index());
+            if rings.pasts.find(index).is_some() {
+                if rings.members.contains_key(&index) {
+                    slots[next.index()] = Some(layouts[pe].ring());
+                }
+                continue;
+            }
             slots[state.index()] = Some(layouts[pe].resident(swap));
             if rounds.sums {
                 places[state.index()] = Some(base_layouts[pe].resident(true));
@@ -262,21 +304,29 @@ impl Memories {
                 self.homes[index].own = Some(layouts[pe_of(index)].place(slot));
             }
         }
-        for (state, next) in &graph.states {
-            self.homes[next.index()] = self.homes[state.index()];
+        for (index, (state, next)) in graph.states.numbered() {
+            match rings.pasts.find(index) {
+                None => self.homes[next.index()] = self.homes[state.index()],
+                Some(past) => {
+                    let ring = self.homes[graph.states[past.head].1.index()].own.expect("placed above");
+                    let bits = self.depths[pe_of(state.index())].ring_bits;
+                    self.homes[state.index()].own = Some(ring.behind(past.age, bits));
+                }
+            }
         }
     }
 
-    fn allocate_imported(&mut self, rounds: &Rounds, schedule: &Schedule, lives: &Lives, pes: usize) {
+    fn allocate_imported(&mut self, rounds: &Rounds, schedule: &Schedule, lives: &Lives, rings: &Rings) {
         let graph = rounds.graph.as_ref();
         let swap = graph.swaps();
-        let mut layouts: List<PeId, Layout> = List::filled(Layout::default(), pes);
-        let mut arcs: List<PeId, Vec<Arc>> = List::filled(Vec::new(), pes);
+        let mut layouts = self.layouts();
+        let mut arcs: List<PeId, Vec<Arc>> = List::filled(Vec::new(), layouts.len());
         let mut pairs: Vec<(usize, Slot)> = Vec::new();
         for (index, transfer) in schedule.transfers.iter().enumerate() {
             let pe = transfer.to;
             let last_read = |value: ValueId| lives.last_read(value, transfer.to);
             match graph.value(transfer.value).role {
+                Role::Next(head) if rings.members.contains_key(&head) => pairs.push((index, layouts[pe].ring())),
                 Role::Next(_) if swap => pairs.push((index, layouts[pe].resident(true))),
                 Role::Next(s) => {
                     // The word lives on into the next round, until its last read under the state's own name.
@@ -303,12 +353,18 @@ impl Memories {
             slots.extend(
                 assigned.into_iter().map(|(index, register)| (index::at(index), Slot::Single(base + register))),
             );
-            self.depths[pe].imported = if layouts[pe] == Layout::default() { 0 } else { layouts[pe].depth() };
+            self.depths[pe].imported = if layouts[pe].is_empty() { 0 } else { layouts[pe].depth() };
         }
         for (index, slot) in slots {
             let transfer = &schedule.transfers[index];
             let place = layouts[transfer.to].place(slot);
-            if let Role::Next(s) = graph.value(transfer.value).role {
+            if let Role::Next(s) = graph.value(transfer.value).role
+                && let Some(members) = rings.members.get(&s)
+            {
+                let bits = self.depths[transfer.to].ring_bits;
+                let places = members.iter().map(|(member, age)| (graph.states[*member].0, place.behind(*age, bits)));
+                self.imported.extend(places.map(|(start, place)| ((start, transfer.to), place)));
+            } else if let Role::Next(s) = graph.value(transfer.value).role {
                 // A word that is read under the name of the end value alone may be another's when the step begins.
                 let start = graph.states[s].0;
                 if swap || lives.last_read(start, transfer.to).is_some() {
@@ -321,18 +377,53 @@ impl Memories {
     }
 }
 
-/// A reserved word: swapping pairs and single words are numbered apart until the depth is known.
+impl Place {
+    /// The word of a ring that was written so many steps ago, of what is written here.
+    fn behind(self, age: u32, bits: u32) -> Place {
+        let mask = (1 << bits) - 1;
+        Place { word: self.word & !mask | self.word.wrapping_sub(age) & mask, ..self }
+    }
+}
+
+/// The rings of a step.
+struct Rings {
+    pasts: Pasts,
+    /// Members of each ring with their ages, by its head.
+    members: BTreeMap<StateId, Vec<(StateId, u32)>>,
+}
+
+impl Rings {
+    fn of(graph: &StepGraph) -> Rings {
+        let pasts = Pasts::of(graph);
+        let mut members: BTreeMap<StateId, Vec<(StateId, u32)>> = BTreeMap::new();
+        for (state, past) in pasts.members() {
+            members.entry(past.head).or_default().push((state, past.age));
+        }
+        Rings { pasts, members }
+    }
+}
+
+/// The largest age.
+fn oldest(members: &[(StateId, u32)]) -> u32 {
+    members.iter().map(|(_, age)| *age).max().unwrap_or(0)
+}
+
+/// A reserved word: swapping pairs, single words and rings are numbered apart until the depth is known.
 #[derive(Clone, Copy, Debug)]
 enum Slot {
     Pair(u32),
     Single(u32),
+    /// A ring, whose first word is what is written in the first step.
+    Ring(u32),
 }
 
-/// How a memory is filled: pairs from the bottom of both halves, single words behind them.
+/// How a memory is filled: pairs from the bottom of both halves, single words behind them, rings from the top.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Layout {
     pairs: u32,
     single: u32,
+    rings: u32,
+    ring_bits: u32,
     /// Depth that the memory needs for other reasons.
     least: u32,
 }
@@ -348,18 +439,34 @@ impl Layout {
         }
     }
 
+    fn ring(&mut self) -> Slot {
+        self.rings += 1;
+        Slot::Ring(self.rings - 1)
+    }
+
+    fn is_empty(&self) -> bool {
+        self.pairs + self.single + self.rings == 0
+    }
+
     fn depth(&self) -> u32 {
-        depth(2 * self.pairs + self.single).max(self.least)
+        // What no memory has is refused, however large.
+        let rings = self.rings.saturating_mul(1 << self.ring_bits).min(1 << 24);
+        let depth = depth(2 * self.pairs + self.single + rings).max(self.least);
+        // Rings end where the pairs of the upper half do.
+        if rings > 0 && self.pairs > 0 && depth / 2 < self.pairs + rings { 2 * depth } else { depth }
     }
 
     fn place(&self, slot: Slot) -> Place {
         match slot {
-            Slot::Pair(word) => Place { word, swap: true },
+            Slot::Pair(word) => Place { word, swap: true, ring: false },
+            Slot::Ring(index) => {
+                Place { word: self.depth().wrapping_sub((index + 1) << self.ring_bits), swap: false, ring: true }
+            }
             Slot::Single(index) => {
                 let lower = self.depth() / 2 - self.pairs;
                 let word =
                     if index < lower { self.pairs + index } else { self.depth() / 2 + self.pairs + index - lower };
-                Place { word, swap: false }
+                Place { word, swap: false, ring: false }
             }
         }
     }

@@ -7,6 +7,7 @@ mod registers;
 mod variants;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroU32;
 
 use pe_ir::functions::Lookup;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
@@ -14,6 +15,7 @@ use pe_ir::index::{self, ChainId, List, PeId, PortId, StateId};
 use pe_ir::mapping::Mapping;
 use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
+use pe_ir::pasts::Pasts;
 use pe_ir::program::{
     Address, CoefficientOperand, ControlWord, InputPort, Layout, LinkSource, Note, OutputPort, PeFeatures, PeProgram,
     Program, StateRegister, Target, Tick, index_bits,
@@ -126,6 +128,7 @@ impl Assembler<'_> {
                     octave_bits: 0,
                     shown_words: 0,
                     show_last: false,
+                    ring_bits: depths.ring_bits,
                 };
                 self.blank(features, ports)
             })
@@ -284,14 +287,16 @@ impl Assembler<'_> {
         let (like, swaps) = self.rounds.value(value);
         let place = self.memories.homes[like.index()].own.expect("operands are in the own memory");
         let pe = self.home(value).expect("own values have a PE");
-        self.address((place, swaps), self.memories.depths[pe].own, time)
+        let depths = self.memories.depths[pe];
+        self.address((place, swaps), (depths.own, depths.ring_bits), time)
     }
 
     /// Address of a value in the imported memory of a PE, for an access at `time`.
     fn imported_address(&self, value: ValueId, pe: PeId, time: u32) -> Address {
         let (like, swaps) = self.rounds.value(value);
         let place = self.memories.import(like, pe);
-        self.address((place, swaps), self.memories.depths[pe].imported, time)
+        let depths = self.memories.depths[pe];
+        self.address((place, swaps), (depths.imported, depths.ring_bits), time)
     }
 
     /// Where a value is written at `time`.
@@ -301,7 +306,7 @@ impl Assembler<'_> {
             (Some(_), _) => self.own_address(value, time),
             (None, word) => {
                 let word = word.expect("values have a place");
-                Address { word: u16::try_from(word).expect("memory depth"), swap: false }
+                Address { word: u16::try_from(word).expect("memory depth"), ..Address::default() }
             }
         };
         // Of the values that take turns in a word, only those that something is added to need the base memory.
@@ -321,12 +326,18 @@ impl Assembler<'_> {
     }
 
     /// Address of a word whose pair has changed roles `swaps` times since the step began, for an access at `time`.
-    fn address(&self, (place, swaps): (memory::Place, u32), depth: u32, time: u32) -> Address {
+    fn address(&self, (place, swaps): (memory::Place, u32), (depth, ring_bits): (u32, u32), time: u32) -> Address {
+        if place.ring {
+            // The hardware adds the number of the step, also of that which has already begun at `time`.
+            let mask = (1 << ring_bits) - 1;
+            let word = place.word & !mask | place.word.wrapping_sub(time / self.schedule.period) & mask;
+            return Address { word: u16::try_from(word).expect("memory depth"), swap: false, ring: true };
+        }
         // The hardware turns the address over in odd rounds, also in that which has already begun at `time`.
         let round = time / (self.schedule.period / self.rounds.count);
         let other = place.swap && (swaps + round) % 2 == 1;
         let word = if other { place.word + depth / 2 } else { place.word };
-        Address { word: u16::try_from(word).expect("memory depth"), swap: place.swap }
+        Address { word: u16::try_from(word).expect("memory depth"), swap: place.swap, ring: false }
     }
 
     fn emit_chain(&self, index: ChainId, pes: &mut List<PeId, PeProgram>, sent: &[bool]) {
@@ -419,6 +430,7 @@ impl Assembler<'_> {
                 }
             }
         }
+        let pasts = Pasts::of(self.graph);
         let mut states: List<StateId, StateRegister> = List::with_capacity(self.graph.states.len());
         for (index, (state, _)) in self.graph.states.numbered() {
             let pe = self.home(*state).expect("states have a PE");
@@ -428,13 +440,15 @@ impl Assembler<'_> {
                 exponent: self.fixed.exponents[state.index()],
                 own: (pe, address.word),
                 imported: Vec::new(),
+                age: pasts.find(index).and_then(|past| NonZeroU32::new(past.age)),
                 tunable: self.model.states.find(index).is_some_and(|state| state.tunable),
             });
         }
         for (value, pe, place) in self.memories.imports() {
             if let Role::State(state) = self.rounds.graph.value(value).role {
-                let depth = self.memories.depths[pe].imported;
-                states[state].imported.push((pe, self.address((place, 0), depth, 0).word));
+                let depths = self.memories.depths[pe];
+                let address = self.address((place, 0), (depths.imported, depths.ring_bits), 0);
+                states[state].imported.push((pe, address.word));
             }
         }
         for (state, initial) in states.iter().zip(&self.graph.initial) {

@@ -4,8 +4,9 @@
 //! graph's order, in which a PE also comes to it: chains, operands, and the slots that say when a word is there.
 
 use pe_ir::graph::{Factor, Role, StepGraph, Term, ValueId, Write};
-use pe_ir::index::{ChainId, List, PeId, at, number};
+use pe_ir::index::{ChainId, List, PeId, StateId, at, number};
 use pe_ir::mapping::Mapping;
+use pe_ir::pasts::Pasts;
 use pe_ir::schedule::{Schedule, Transfer};
 use pe_ir::word::Latency;
 
@@ -164,7 +165,8 @@ impl Problem {
     /// That of a mapped step graph.
     pub fn new(graph: &StepGraph, mapping: &Mapping, latency: Latency) -> Problem {
         let pe_of: List<ChainId, PeId> = graph.chains.iter().map(|chain| mapping.pe_of[chain.equation]).collect();
-        let places = Places::new(graph, mapping, &pe_of);
+        let pasts = Pasts::of(graph);
+        let places = Places::new(graph, mapping, (&pe_of, &pasts));
         let mut originals: List<CodeId, ChainId> = graph.chains.ids().collect();
         originals.sort_by_key(|chain| pe_of[*chain]);
         let in_place = !graph.swaps();
@@ -184,7 +186,10 @@ impl Problem {
             let is_sent = |(_, write): &(u32, &Write)| write.value == chain.write.value;
             let mut others = chain.delayed(latency).filter(|write| !is_sent(write)).map(store);
             let others = [others.next(), others.next()];
-            let ends_state = matches!(graph.value(chain.write.value).role, Role::Next(_));
+            let ends_state = match graph.value(chain.write.value).role {
+                Role::Next(state) => pasts.find(state).is_none(),
+                _ => false,
+            };
             chains.push(Code {
                 terms: begin..operands.len() as u32,
                 pe,
@@ -239,9 +244,11 @@ impl Problem {
         let end = |state: &(ValueId, ValueId)| {
             (places.own[state.0.index()], producers[state.1.index()].expect("every state has an end value"))
         };
-        problem.states = graph.states.iter().map(end).collect();
+        // What is older than a step is there.
+        let returning = |state: &StateId| pasts.find(*state).is_none_or(|past| past.age == 1);
+        problem.states = graph.states.ids().filter(returning).map(|state| end(&graph.states[state])).collect();
         problem.link(graph, &producers);
-        problem.order(graph, &producers, &renumbered, in_place);
+        problem.order(graph, &producers, &renumbered, |state| in_place && pasts.find(state).is_none());
         problem.prioritise();
         problem
     }
@@ -311,7 +318,7 @@ impl Problem {
         graph: &StepGraph,
         producers: &[Option<CodeId>],
         renumbered: &List<ChainId, CodeId>,
-        in_place: bool,
+        in_place: impl Fn(StateId) -> bool,
     ) {
         // Pairs of a chain and one that waits for it.
         let mut waits: Vec<(CodeId, CodeId)> = Vec::with_capacity(graph.terms.len());
@@ -321,7 +328,7 @@ impl Problem {
                 if let Some(producer) = producers[value.index()] {
                     of_chain.push((producer, *index));
                 } else if let Role::State(state) = graph.value(value).role
-                    && in_place
+                    && in_place(state)
                 {
                     let writer = producers[graph.states[state].1.index()];
                     of_chain.extend(writer.filter(|writer| writer != index).map(|writer| (*index, writer)));
@@ -410,14 +417,25 @@ struct Places {
     first_import: Vec<u32>,
     imports: Vec<Import>,
     slots: usize,
+    /// For each value whether it is in a ring and older than a step.
+    older: Vec<bool>,
 }
 
 impl Places {
-    fn new(graph: &StepGraph, mapping: &Mapping, pe_of: &List<ChainId, PeId>) -> Places {
+    fn new(graph: &StepGraph, mapping: &Mapping, (pe_of, pasts): (&List<ChainId, PeId>, &Pasts)) -> Places {
         let pes = at(mapping.pes);
         let mut resident: Vec<u32> = (0..graph.values.len() as u32).collect();
         for (state, next) in &graph.states {
-            resident[next.index()] = state.number();
+            if !matches!(graph.value(*next).role, Role::State(_)) {
+                resident[next.index()] = state.number();
+            }
+        }
+        // A ring is one import.
+        let mut older = vec![false; graph.values.len()];
+        for (state, past) in pasts.members() {
+            let start = graph.states[state].0.index();
+            resident[start] = graph.states[past.head].0.number();
+            older[start] = past.age > 1;
         }
         let home: Vec<Option<PeId>> = graph.values.iter().map(|value| Some(mapping.pe_of[value.equation?])).collect();
         let mut needs: Vec<(PeId, u32)> = Vec::new();
@@ -466,7 +484,8 @@ impl Places {
             Import { resident, sent, pe, slot: take(pe, &mut next_import), is_input }
         };
         let imports = needs.into_iter().map(import).collect();
-        Places { own, home, resident, first_import, imports, slots: at(slots) }
+        // One slot stands for all imported words that are older than a step.
+        Places { own, home, resident, first_import, imports, slots: at(slots) + 1, older }
     }
 
     /// Where a PE reads a value.
@@ -488,6 +507,9 @@ impl Places {
     /// Where a PE reads a value that it imports.
     fn import(&self, graph: &StepGraph, value: ValueId, pe: PeId) -> Operand {
         let before = if matches!(graph.value(value).role, Role::State(_)) { FROM_BEFORE } else { 0 };
+        if self.older[value.index()] {
+            return Operand((number(self.slots) - 1) | before | IMPORTED);
+        }
         let resident = ValueId::new(self.resident[value.index()]);
         let range = at(self.first_import[pe.index()])..at(self.first_import[pe.index() + 1]);
         let imports = &self.imports[range];

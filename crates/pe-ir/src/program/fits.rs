@@ -21,7 +21,16 @@ pub(super) fn fits(word: &ControlWord, pe: &PeProgram, coefficient_bits: u32) ->
             && (target.own || target.base || target.factor)
     };
     let written = word.write.map(|target| target.address);
-    let swapping = [word.own, word.imported, written, word.receive.map(|(_, address)| address)];
+    let ringed = |address: Option<Address>, words: u32| {
+        let fits = features.ring_bits > 0 && words >> features.ring_bits > 0;
+        address.is_none_or(|address| !address.ring || fits && !address.swap)
+    };
+    let plain = word.write.is_none_or(|target| !target.address.ring || (!target.base && !target.factor));
+    let received = word.receive.map(|(_, address)| address);
+    let rings = plain
+        && [word.own, word.write.map(|target| target.address)].into_iter().all(|own| ringed(own, features.own_words))
+        && [word.imported, received].into_iter().all(|imported| ringed(imported, features.imported_words));
+    let addresses = [word.own, word.imported, written, received];
     multiplier
         && own(word.own)
         && word.base.is_none_or(|base| u32::from(base) < features.base_words)
@@ -36,5 +45,6 @@ pub(super) fn fits(word: &ControlWord, pe: &PeProgram, coefficient_bits: u32) ->
         && usize::from(word.shift) < features.shifts.len()
         && (features.send || !word.send)
         && (features.shown_words > 0 || !word.show)
-        && (features.swap || swapping.iter().flatten().all(|address| !address.swap))
+        && (features.swap || addresses.iter().flatten().all(|address| !address.swap))
+        && rings
 }

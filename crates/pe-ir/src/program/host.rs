@@ -20,6 +20,9 @@ impl Host {
     /// All services by name, in the order of the fields.
     pub const NAMES: [&'static str; 3] = ["restart", "states", "flags"];
 
+    /// Names of those that replace words of states, see [`Host::replaces`].
+    pub const REPLACING: [&'static str; 2] = ["restart", "states"];
+
     /// Names of those that are there.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
         let present = [self.restart, self.states, self.flags];
@@ -86,6 +89,9 @@ impl Program {
             let [word] = writers[..] else {
                 return Err(format!("a step does not write state `{}` exactly once", state.name));
             };
+            if state.age.is_some() {
+                return Err(format!("state `{}` is in a ring", state.name));
+            }
             let (pe, address) = state.own;
             let features = &self.pes[pe].features;
             let base = features.base_word(address);
@@ -149,7 +155,7 @@ impl Program {
     pub fn state_writers(&self) -> Vec<Vec<u32>> {
         let mut places: Vec<Vec<Option<StateId>>> =
             self.pes.iter().map(|pe| vec![None; at(pe.features.base_words)]).collect();
-        for (index, state) in self.states.numbered() {
+        for (index, state) in self.states.numbered().filter(|(_, state)| state.age.is_none()) {
             let (pe, address) = state.own;
             places[pe.index()][self.pes[pe].features.base_word(address)] = Some(index);
         }

@@ -11,9 +11,11 @@ pub enum FieldName {
     Variant,
     OwnEnable,
     OwnSwap,
+    OwnRing,
     OwnAddress,
     ImportedEnable,
     ImportedSwap,
+    ImportedRing,
     ImportedAddress,
     Coefficient,
     CoefficientAddress,
@@ -27,6 +29,7 @@ pub enum FieldName {
     WriteBase,
     WriteFactor,
     WriteSwap,
+    WriteRing,
     WriteAddress,
     WriteIndex,
     WriteOctave,
@@ -35,20 +38,23 @@ pub enum FieldName {
     Send,
     ReceiveEnable,
     ReceiveSwap,
+    ReceiveRing,
     ReceiveAddress,
     Port,
 }
 
 impl FieldName {
     /// All of them that a control word has.
-    pub const ALL: [FieldName; 28] = {
+    pub const ALL: [FieldName; 32] = {
         use FieldName::*;
         [
             OwnEnable,
             OwnSwap,
+            OwnRing,
             OwnAddress,
             ImportedEnable,
             ImportedSwap,
+            ImportedRing,
             ImportedAddress,
             Coefficient,
             CoefficientAddress,
@@ -62,6 +68,7 @@ impl FieldName {
             WriteBase,
             WriteFactor,
             WriteSwap,
+            WriteRing,
             WriteAddress,
             WriteIndex,
             WriteOctave,
@@ -70,6 +77,7 @@ impl FieldName {
             Send,
             ReceiveEnable,
             ReceiveSwap,
+            ReceiveRing,
             ReceiveAddress,
             Port,
         ]
@@ -82,9 +90,11 @@ impl FieldName {
             Variant => "variant",
             OwnEnable => "own_enable",
             OwnSwap => "own_swap",
+            OwnRing => "own_ring",
             OwnAddress => "own_address",
             ImportedEnable => "imported_enable",
             ImportedSwap => "imported_swap",
+            ImportedRing => "imported_ring",
             ImportedAddress => "imported_address",
             Coefficient => "coefficient",
             CoefficientAddress => "coefficient_address",
@@ -98,6 +108,7 @@ impl FieldName {
             WriteBase => "write_base",
             WriteFactor => "write_factor",
             WriteSwap => "write_swap",
+            WriteRing => "write_ring",
             WriteAddress => "write_address",
             WriteIndex => "write_index",
             WriteOctave => "write_octave",
@@ -106,11 +117,19 @@ impl FieldName {
             Send => "send",
             ReceiveEnable => "receive_enable",
             ReceiveSwap => "receive_swap",
+            ReceiveRing => "receive_ring",
             ReceiveAddress => "receive_address",
             Port => "port",
         }
     }
 }
+
+/// The fields of an operand, and of a word that is received.
+const OWN: [FieldName; 4] = [FieldName::OwnEnable, FieldName::OwnSwap, FieldName::OwnRing, FieldName::OwnAddress];
+const IMPORTED: [FieldName; 4] =
+    [FieldName::ImportedEnable, FieldName::ImportedSwap, FieldName::ImportedRing, FieldName::ImportedAddress];
+const RECEIVE: [FieldName; 4] =
+    [FieldName::ReceiveEnable, FieldName::ReceiveSwap, FieldName::ReceiveRing, FieldName::ReceiveAddress];
 
 /// One field that is present.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,6 +169,7 @@ impl Layout {
         let imports = u32::from(features.imported_words > 0);
         let imported = if imports > 0 { index_bits(features.imported_words) } else { 0 };
         let swap = u32::from(features.swap);
+        let ring = u32::from(features.ring_bits > 0);
         let stored = u32::from(features.coefficient_words > 0);
         let indexed = u32::from(features.index_words > 0);
         let octaves = u32::from(features.octave_bits > 0);
@@ -157,9 +177,11 @@ impl Layout {
         let widths = [
             (OwnEnable, 1),
             (OwnSwap, swap),
+            (OwnRing, ring),
             (OwnAddress, own),
             (ImportedEnable, imports),
             (ImportedSwap, swap * imports),
+            (ImportedRing, ring * imports),
             (ImportedAddress, imported),
             (Coefficient, (1 - stored) * format.coefficient_bits),
             (CoefficientAddress, stored * index_bits(features.coefficient_words)),
@@ -173,6 +195,7 @@ impl Layout {
             (WriteBase, 1),
             (WriteFactor, u32::from(features.factor)),
             (WriteSwap, swap),
+            (WriteRing, ring),
             (WriteAddress, index_bits(features.write_words())),
             (WriteIndex, indexed),
             (WriteOctave, indexed * octaves),
@@ -181,6 +204,7 @@ impl Layout {
             (Send, u32::from(features.send)),
             (ReceiveEnable, imports),
             (ReceiveSwap, swap * imports),
+            (ReceiveRing, ring * imports),
             (ReceiveAddress, imported),
             (Port, index_bits(features.ports)),
         ];
@@ -223,17 +247,18 @@ impl Layout {
             }
         };
         // Fields of a group that does nothing stay zero.
-        let mut address = |enable: FieldName, swap: FieldName, index: FieldName, address: Option<Address>| {
+        let mut address = |[enable, swap, ring, index]: [FieldName; 4], address: Option<Address>| {
             if let Some(address) = address {
                 put(enable, 1);
                 put(swap, u64::from(address.swap));
+                put(ring, u64::from(address.ring));
                 put(index, u64::from(address.word));
             }
         };
-        address(OwnEnable, OwnSwap, OwnAddress, word.own);
-        address(ImportedEnable, ImportedSwap, ImportedAddress, word.imported);
+        address(OWN, word.own);
+        address(IMPORTED, word.imported);
         if let Some((port, place)) = word.receive {
-            address(ReceiveEnable, ReceiveSwap, ReceiveAddress, Some(place));
+            address(RECEIVE, Some(place));
             put(Port, u64::from(port.number()));
         }
         if let Some(base) = word.base {
@@ -254,6 +279,7 @@ impl Layout {
             put(WriteBase, u64::from(target.base));
             put(WriteFactor, u64::from(target.factor));
             put(WriteSwap, u64::from(target.address.swap));
+            put(WriteRing, u64::from(target.address.ring));
             put(WriteAddress, u64::from(target.address.word));
         }
         match word.coefficient {
@@ -275,15 +301,15 @@ impl Layout {
     pub fn effective(&self, word: &ControlWord, result: bool) -> u128 {
         use FieldName::*;
         let idle = |field: &&Field| match field.name {
-            OwnSwap | OwnAddress => word.own.is_none(),
-            ImportedSwap | ImportedAddress => word.imported.is_none(),
+            OwnSwap | OwnRing | OwnAddress => word.own.is_none(),
+            ImportedSwap | ImportedRing | ImportedAddress => word.imported.is_none(),
             Coefficient | CoefficientAddress => word.own.is_none() && word.imported.is_none(),
             BaseEnable | Shift => !result,
             BaseAddress => !result || word.base.is_none(),
             IndexAddress => word.index.is_none(),
-            WriteSwap | WriteAddress => word.write.is_none(),
+            WriteSwap | WriteRing | WriteAddress => word.write.is_none(),
             WriteOctave | WriteIndexAddress => word.write_index.is_none(),
-            ReceiveSwap | ReceiveAddress | Port => word.receive.is_none(),
+            ReceiveSwap | ReceiveRing | ReceiveAddress | Port => word.receive.is_none(),
             _ => false,
         };
         self.fields.iter().filter(|field| !idle(field)).map(|field| self.masks[field.name as usize]).sum()
@@ -296,19 +322,19 @@ impl Layout {
             (0, _) => 0,
             (width, lsb) => (bits >> lsb) as u64 & (u64::MAX >> (64 - width)),
         };
-        let address = |enable: FieldName, swap: FieldName, index: FieldName| {
-            (get(enable) == 1).then(|| Address { word: get(index) as u16, swap: get(swap) == 1 })
+        let address = |[enable, swap, ring, index]: [FieldName; 4]| {
+            (get(enable) == 1).then(|| Address { word: get(index) as u16, swap: get(swap) == 1, ring: get(ring) == 1 })
         };
         let width = self.width(Coefficient);
         let target = Target {
-            address: Address { word: get(WriteAddress) as u16, swap: get(WriteSwap) == 1 },
+            address: Address { word: get(WriteAddress) as u16, swap: get(WriteSwap) == 1, ring: get(WriteRing) == 1 },
             own: get(WriteOwn) == 1,
             base: get(WriteBase) == 1,
             factor: get(WriteFactor) == 1,
         };
         ControlWord {
-            own: address(OwnEnable, OwnSwap, OwnAddress),
-            imported: address(ImportedEnable, ImportedSwap, ImportedAddress),
+            own: address(OWN),
+            imported: address(IMPORTED),
             coefficient: if width == 0 {
                 CoefficientOperand::Stored(get(CoefficientAddress) as u16)
             } else {
@@ -322,8 +348,7 @@ impl Layout {
             write_index: (get(WriteIndex) == 1).then(|| (get(WriteIndexAddress) as u16, get(WriteOctave) == 1)),
             show: get(Show) == 1,
             send: get(Send) == 1,
-            receive: address(ReceiveEnable, ReceiveSwap, ReceiveAddress)
-                .map(|address| (PortId::new(get(Port) as u8), address)),
+            receive: address(RECEIVE).map(|address| (PortId::new(get(Port) as u8), address)),
         }
     }
 

@@ -16,17 +16,22 @@ pub use memory::OutputMemory;
 pub use shape::{shape, shapes};
 pub use text::read;
 
+use std::num::NonZeroU32;
+
 use crate::functions::Segments;
 use crate::index::{List, PeId, PortId, StateId, ValueId, at};
 use crate::word::{Latency, WordFormat};
 
-/// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd rounds.
+/// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd rounds. With `ring`, the number
+/// of the step is added to the [`PeFeatures::ring_bits`] lowest bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Address {
     /// Index within the memory.
     pub word: u16,
     /// Whether the word lies in a pair of buffers that change roles every round.
     pub swap: bool,
+    /// Whether the word lies in a ring of past values, whose words move on by one place with every step.
+    pub ring: bool,
 }
 
 /// Operand on the coefficient port of the multiplier.
@@ -140,6 +145,8 @@ pub struct PeFeatures {
     pub shown_words: u32,
     /// The output memory is written in the last round of a step only.
     pub show_last: bool,
+    /// Bits that count the words of a ring, alike in the own and the imported memory; zero without rings.
+    pub ring_bits: u32,
 }
 
 impl PeFeatures {
@@ -151,6 +158,12 @@ impl PeFeatures {
     /// The coefficient word that a write address means.
     pub fn factor_word(&self, address: u16) -> usize {
         usize::from(address) & (at(self.coefficient_words) - 1)
+    }
+
+    /// The word of a ring that an address means in a step of the run.
+    pub fn turned(&self, word: u16, step: u64) -> u16 {
+        let mask = (1u64 << self.ring_bits) - 1;
+        word & !(mask as u16) | ((u64::from(word) + step) & mask) as u16
     }
 
     /// How arguments become indices.
@@ -286,10 +299,13 @@ pub struct StateRegister {
     pub name: String,
     /// The stored word's LSB is worth `2^exponent`.
     pub exponent: i32,
-    /// PE and own memory word; the same address, as far as the base memory goes, holds the base word.
+    /// PE and own memory word; the same address, as far as the base memory goes, holds the base word, unless the state is in a
+    /// ring.
     pub own: (PeId, u16),
     /// PEs and imported memory words that hold a copy at the start of a step.
     pub imported: Vec<(PeId, u16)>,
+    /// How many steps ago what it holds was written, if it is in a ring: the words above are those of the first step.
+    pub age: Option<NonZeroU32>,
     /// Whether it is a tunable parameter, which a step leaves as it is.
     pub tunable: bool,
 }
@@ -391,13 +407,33 @@ impl Program {
 }
 
 impl StateRegister {
+    /// Its stored word in the images.
+    pub fn initial(&self, program: &Program) -> i64 {
+        let (pe, address) = self.own;
+        let pe = &program.pes[pe];
+        match self.age {
+            None => pe.base_image[pe.features.base_word(address)],
+            Some(_) => program.format.operand_word(pe.own_image[usize::from(address)]),
+        }
+    }
+
+    /// The own word that holds it as a step of the run starts.
+    pub fn own_word(&self, features: &PeFeatures, step: u64) -> u16 {
+        match self.age {
+            None => self.own.1,
+            Some(_) => features.turned(self.own.1, step),
+        }
+    }
+
     /// Writes a stored word into every image that holds the state at the start of a step.
     pub fn set(&self, pes: &mut List<PeId, PeProgram>, format: &WordFormat, word: i64) {
         let (pe, address) = self.own;
         let pe = &mut pes[pe];
         pe.own_image[usize::from(address)] = format.data_operand(word);
-        let base = pe.features.base_word(address);
-        pe.base_image[base] = word;
+        if self.age.is_none() {
+            let base = pe.features.base_word(address);
+            pe.base_image[base] = word;
+        }
         for (pe, address) in &self.imported {
             pes[*pe].imported_image[usize::from(*address)] = format.data_operand(word);
         }

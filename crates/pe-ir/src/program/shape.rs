@@ -66,6 +66,9 @@ pub fn shape(program: &Program, index: PeId, fold: &Fold) -> String {
         write!(text, " shown_words={} show_last={}", features.shown_words, features.show_last)
             .expect("writing to a string succeeds");
     }
+    if features.ring_bits > 0 {
+        write!(text, " ring_bits={}", features.ring_bits).expect("writing to a string succeeds");
+    }
     if format.pipeline != Pipeline::Short {
         write!(text, " pipeline={}", format.pipeline.name()).expect("writing to a string succeeds");
     }

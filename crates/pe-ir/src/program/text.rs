@@ -46,6 +46,7 @@ impl Display for Program {
         for state in &self.states {
             write!(f, "state {} exponent {} own {}:{}", name(&state.name), state.exponent, state.own.0, state.own.1)?;
             f.write_str(if state.tunable { " tunable" } else { "" })?;
+            state.age.map_or(Ok(()), |age| write!(f, " age {age}"))?;
             state.imported.iter().try_for_each(|(pe, word)| write!(f, " imported {pe}:{word}"))?;
             writeln!(f)?;
         }
@@ -84,7 +85,8 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: PeId, pe: &PeP
     if features.shown_words > 0 {
         write!(f, " shown {}{}", features.shown_words, if features.show_last { " last" } else { "" })?;
     }
-    writeln!(f)?;
+    let rings = features.ring_bits;
+    writeln!(f, "{}", if rings > 0 { format!(" rings {rings}") } else { String::new() })?;
     for port in &pe.ports {
         match port {
             LinkSource::Pe(pe) => writeln!(f, "port pe {pe}")?,
@@ -133,8 +135,8 @@ fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
         CoefficientOperand::Stored(index) if multiplies || index != 0 => write!(f, " stored {index}")?,
         _ => {}
     }
-    let address = |f: &mut fmt::Formatter<'_>, name: &str, Address { word, swap }: Address| {
-        write!(f, " {name} {word}{}", if swap { "~" } else { "" })
+    let address = |f: &mut fmt::Formatter<'_>, name: &str, Address { word, swap, ring }: Address| {
+        write!(f, " {name} {word}{}{}", if swap { "~" } else { "" }, if ring { "+" } else { "" })
     };
     if let Some(own) = word.own {
         address(f, "own", own)?;
@@ -421,11 +423,12 @@ impl Parser {
         line.word("own")?;
         let own = place(line)?;
         let tunable = line.take_word("tunable");
+        let age = if line.take_word("age") { Some(line.integer()?) } else { None };
         let mut imported = Vec::new();
         while line.take_word("imported") {
             imported.push(place(line)?);
         }
-        self.program.states.push(StateRegister { name, exponent, own, imported, tunable });
+        self.program.states.push(StateRegister { name, exponent, own, imported, age, tunable });
         Ok(())
     }
 
@@ -463,6 +466,7 @@ impl Parser {
             octave_bits: 0,
             shown_words: 0,
             show_last: false,
+            ring_bits: 0,
         };
         let depth = |words: u32| words.is_power_of_two() && (2..=1 << 16).contains(&words);
         let optional = |words: u32| words == 0 || depth(words);
@@ -495,6 +499,13 @@ impl Parser {
             features.show_last = line.take_word("last");
             if !depth(features.shown_words) {
                 return Err(line.error("expected a number of shown words that is a power of two up to 65536"));
+            }
+        }
+        if line.take_word("rings") {
+            features.ring_bits = line.integer()?;
+            let deepest = own_words.max(imported_words);
+            if !(1..16).contains(&features.ring_bits) || deepest >> features.ring_bits == 0 {
+                return Err(line.error("expected rings that a memory has room for"));
             }
         }
         self.program.pes.push(PeProgram {
@@ -585,5 +596,5 @@ fn place(line: &mut Line) -> Result<(PeId, u16), TextError> {
 }
 
 fn address(line: &mut Line) -> Result<Address, TextError> {
-    Ok(Address { word: line.integer()?, swap: line.take_sign("~") })
+    Ok(Address { word: line.integer()?, swap: line.take_sign("~"), ring: line.take_sign("+") })
 }

@@ -5,5 +5,6 @@ pub mod mapping;
 pub mod model;
 pub mod program;
 pub mod ranges;
+mod rings;
 pub mod schedule;
 pub mod step;

@@ -10,7 +10,8 @@
 //! 4. every value is written once per step, every output is captured when its value is in the result register, and its place
 //!    in an output memory is the one that the word gets which the PE shows then;
 //! 5. before the pause point of the first round nothing is written;
-//! 6. an index is that of the value and step which the graph looks up, and the base words that it chooses among are the
+//! 6. words of rings have the age that they are read as, see [`super::rings`];
+//! 7. an index is that of the value and step which the graph looks up, and the base words that it chooses among are the
 //!    column of the graph, in order and never overwritten.
 //!
 //! PEs meet on their links only. A link carries what its sender claims to send, and each PE is held to its own claims; so
@@ -96,6 +97,10 @@ pub fn check(program: &Program, graph: &StepGraph, fixed: &FixedPoint, rounds: u
     if let Err(what) = program.check_outputs() {
         return vec![what];
     }
+    let violations = super::rings::check(program, graph);
+    if !violations.is_empty() {
+        return violations;
+    }
     let mut checker = Checker::new(program, graph, fixed);
     for round in 0..rounds {
         for pe in program.pes.ids() {
@@ -118,6 +123,8 @@ struct Checker<'a> {
     producers: Vec<Option<ChainId>>,
     /// Start value of a state for its end value, else none.
     start_of: Vec<Option<ValueId>>,
+    /// What a state in a ring was so many steps ago, else none.
+    past: Vec<Option<(ValueId, i64)>>,
     /// Outputs by the PE and word in which they are captured, sorted.
     captures: Vec<((PeId, u32), usize)>,
     pes: List<PeId, Pe<'a>>,
@@ -135,8 +142,22 @@ impl<'a> Checker<'a> {
             Pipeline::Deep => 2,
         };
         let mut start_of = vec![None; graph.values.len()];
+        let mut past = vec![None; graph.values.len()];
         for (state, next) in &graph.states {
-            start_of[next.index()] = Some(*state);
+            let (mut before, mut age) = (*next, 0);
+            while let Role::State(other) = graph.value(before).role {
+                let (other, end) = graph.states[other];
+                if let Some((head, further)) = past[other.index()] {
+                    past[state.index()] = Some((head, age + 1 + further));
+                    age += 1;
+                    break;
+                }
+                past[state.index()] = Some((other, age + 1));
+                (before, age) = (end, age + 1);
+            }
+            if age == 0 {
+                start_of[next.index()] = Some(*state);
+            }
         }
         let places = program.outputs.iter().map(|output| (output.pe, output.word));
         let mut captures: Vec<_> = places.zip(0..).collect();
@@ -163,6 +184,7 @@ impl<'a> Checker<'a> {
             fixed,
             producers: graph.producers(),
             start_of,
+            past,
             captures,
             pes: pes.collect(),
             written: vec![0; graph.values.len()],
@@ -170,10 +192,12 @@ impl<'a> Checker<'a> {
             violations: Vec::new(),
         };
         for (register, (state, _)) in program.states.iter().zip(&graph.states) {
-            let cell = Cell::Value(*state, 0);
+            let cell = checker.cell(*state, 0, |word| word);
             let pe = &mut checker.pes[register.own.0];
             pe.own[usize::from(register.own.1)] = cell;
-            pe.base[pe.program.features.base_word(register.own.1)] = cell;
+            if register.age.is_none() {
+                pe.base[pe.program.features.base_word(register.own.1)] = cell;
+            }
             for (pe, word) in &register.imported {
                 checker.pes[*pe].imported[usize::from(*word)] = cell;
             }
@@ -189,9 +213,10 @@ impl<'a> Checker<'a> {
     fn cell(&self, value: ValueId, step: i64, seen: impl Fn(i64) -> i64) -> Cell {
         match self.graph.value(value).role {
             Role::Constant(_) => Cell::Image(seen(self.fixed.constant_word(self.graph, value))),
-            _ => match self.start_of[value.index()] {
-                None => Cell::Value(value, step),
-                Some(state) => Cell::Value(state, step + 1),
+            _ => match (self.start_of[value.index()], self.past[value.index()]) {
+                (Some(state), _) => Cell::Value(state, step + 1),
+                (None, Some((head, age))) => Cell::Value(head, step - age),
+                (None, None) => Cell::Value(value, step),
             },
         }
     }
@@ -207,12 +232,12 @@ impl<'a> Checker<'a> {
         let control = self.pes[index].program.words[index::at(word)];
         let note = self.pes[index].program.notes[index::at(word)];
         if control.own.is_some() && control.imported.is_some() {
-            self.joined(index, round, word, &control, parity);
+            self.joined((index, round, word), &control, parity);
         }
         if note.write.is_some() && control.write.is_none() && control.write_index.is_none() {
             self.fail(index, round, word, "a noted write is missing".into());
         }
-        let operands = self.pes[index].read(&control, parity);
+        let operands = self.pes[index].read(&control, (parity, round));
         let indices = &self.pes[index].indices;
         let fetched = control.index.map_or(IndexRegister::Clear, |address| {
             IndexRegister::Loaded(indices.get(usize::from(address)).copied().flatten())
@@ -225,7 +250,7 @@ impl<'a> Checker<'a> {
                 self.fail(index, round, word, "a write address beyond its memory".into());
             }
             let target = Target { base: target.base && self.takes_base(index, word), ..target };
-            self.pes[index].write(target, parity, cell);
+            self.pes[index].write(target, (parity, round), cell);
         }
         if let (Some((address, octaves)), Some(cell)) = (control.write_index, written) {
             let known = match cell {
@@ -252,8 +277,9 @@ impl<'a> Checker<'a> {
                 let name = self.program.name(note.receive).to_owned();
                 self.fail(index, round, word, format!("receives {cell:?} instead of `{name}`"));
             }
-            let slot = physical(address, self.pes[index].imported.len(), parity);
-            self.pes[index].imported[slot] = cell;
+            let pe = &mut self.pes[index];
+            let slot = pe.physical(address, pe.imported.len(), (parity, round));
+            pe.imported[slot] = cell;
         }
         self.pes[index].advance(&control, operands, fetched);
     }
@@ -278,9 +304,9 @@ impl<'a> Checker<'a> {
     }
 
     /// Checks that the pre-adder may join the two operands of a word: no sum of theirs leaves the data port.
-    fn joined(&mut self, pe: PeId, round: u32, word: u32, control: &ControlWord, parity: bool) {
+    fn joined(&mut self, (pe, round, word): (PeId, u32, u32), control: &ControlWord, parity: bool) {
         let joins = self.pes[pe].program.features.pre_adder;
-        let (products, _) = self.pes[pe].read(control, parity);
+        let (products, _) = self.pes[pe].read(control, (parity, round));
         for product in products.into_iter().flatten() {
             if !joins || !matches!(product.factor, Cell::Image(_)) {
                 self.fail(pe, round, word, "two operands".into());
@@ -416,13 +442,13 @@ impl<'a> Checker<'a> {
 
 impl Pe<'_> {
     /// What a control word reads from the memories, before this word's writes.
-    fn read(&self, control: &ControlWord, parity: bool) -> (Operands, Option<Cell>) {
-        let own = |address: Address| self.own[physical(address, self.own.len(), parity)];
+    fn read(&self, control: &ControlWord, turn: (bool, u32)) -> (Operands, Option<Cell>) {
+        let own = |address: Address| self.own[self.physical(address, self.own.len(), turn)];
         let base = |word: u16| match self.index {
             IndexRegister::Clear => self.base[usize::from(word)],
             IndexRegister::Loaded(index) => self.entry(word, index),
         };
-        let imported = |address: Address| self.imported[physical(address, self.imported.len(), parity)];
+        let imported = |address: Address| self.imported[self.physical(address, self.imported.len(), turn)];
         let factor = match control.coefficient {
             CoefficientOperand::Coefficient(coefficient) => Cell::Image(coefficient),
             CoefficientOperand::Stored(word) => self.coefficients[usize::from(word)],
@@ -447,12 +473,12 @@ impl Pe<'_> {
     }
 
     /// The memories take a result.
-    fn write(&mut self, target: Target, parity: bool, cell: Cell) {
+    fn write(&mut self, target: Target, turn: (bool, u32), cell: Cell) {
         let features = &self.program.features;
         if target.own {
             // The address may be wider than this memory needs.
             let word = target.address.word & (self.own.len() - 1) as u16;
-            let slot = physical(Address { word, ..target.address }, self.own.len(), parity);
+            let slot = self.physical(Address { word, ..target.address }, self.own.len(), turn);
             self.own[slot] = cell;
         }
         if target.base {
@@ -460,6 +486,19 @@ impl Pe<'_> {
         }
         if target.factor {
             self.coefficients[features.factor_word(target.address.word)] = cell;
+        }
+    }
+
+    /// The word that an address means, with swapped buffers or not, in a round.
+    fn physical(&self, address: Address, depth: usize, (parity, round): (bool, u32)) -> usize {
+        let index = usize::from(address.word);
+        match address {
+            Address { ring: true, .. } => {
+                let mask = (1 << self.program.features.ring_bits) - 1;
+                index & !mask | (index + index::at(round)) & mask
+            }
+            Address { swap: true, .. } if parity => index ^ (depth / 2),
+            _ => index,
         }
     }
 
@@ -484,9 +523,4 @@ impl Pe<'_> {
 fn sends(pe: &PeProgram) -> Vec<(u32, Option<ValueId>)> {
     let words = (0..).zip(pe.words.iter().zip(&pe.notes));
     words.filter(|(_, (control, _))| control.send).map(|(word, (_, note))| (word, note.write)).collect()
-}
-
-fn physical(address: Address, depth: usize, parity: bool) -> usize {
-    let index = usize::from(address.word);
-    if address.swap && parity { index ^ (depth / 2) } else { index }
 }

@@ -47,6 +47,8 @@ struct Checker<'a> {
     written: Vec<u32>,
     /// Receive words by value and PE, sorted.
     received: Vec<((ValueId, PeId), u32)>,
+    /// For each value whether it is a state that others follow, whose word is not written in place.
+    followed: Vec<bool>,
     violations: Vec<String>,
 }
 
@@ -60,7 +62,9 @@ impl<'a> Checker<'a> {
         }
         let mut received: Vec<_> = schedule.transfers.iter().map(|t| ((t.value, t.to), t.receive)).collect();
         received.sort_unstable();
-        Checker { graph, mapping, schedule, latency, written, received, violations: Vec::new() }
+        let mut followed = vec![false; graph.values.len()];
+        graph.states.iter().for_each(|(_, end)| followed[end.index()] = true);
+        Checker { graph, mapping, schedule, latency, written, received, followed, violations: Vec::new() }
     }
 
     fn run(mut self) -> Vec<String> {
@@ -210,18 +214,20 @@ impl<'a> Checker<'a> {
             }
             return;
         }
-        // A state's word was written by the step before.
-        let (source, earlier) = match info.role {
-            Role::State(s) => (self.graph.states[s].1, self.schedule.period),
-            _ => (value, 0),
-        };
+        // A state's word was written by the step before, or, in a ring, as many steps before as states are followed.
+        let (mut source, mut earlier) = (value, 0);
+        while let Role::State(s) = self.graph.value(source).role {
+            source = self.graph.states[s].1;
+            earlier += self.schedule.period;
+        }
+        let in_ring = earlier > self.schedule.period || self.followed[value.index()];
         let arrival = if local { self.written(source) } else { self.received(source, pe) };
         match arrival {
             None => self.violations.push(format!("PE {pe}: `{}` never arrives", name())),
             Some(arrival) if time + earlier <= arrival => {
                 self.violations.push(format!("PE {pe}: `{}` read in word {time}, there after {arrival}", name()));
             }
-            Some(arrival) if earlier > 0 && !self.graph.swaps() && time >= arrival => {
+            Some(arrival) if earlier > 0 && !in_ring && !self.graph.swaps() && time >= arrival => {
                 self.violations.push(format!("PE {pe}: `{}` read in word {time}, overwritten in {arrival}", name()));
             }
             Some(_) => {}

@@ -10,9 +10,11 @@
 //! 6. What a state is at the end of the step, and what is published, is computed, or is a state, an input or a constant.
 //! 7. Tables have as many entries in all columns as the step has segments.
 //! 8. Every equation has a chain or a value.
+//! 9. A state that takes what another one was leads to one that is computed. Neither is read as a base or a factor, and the end
+//!    value of that one is read by nothing.
 
-use crate::graph::{Chain, Factor, Pivot, Role, StepGraph, ValueId};
-use crate::index::{self, StateId, at};
+use crate::graph::{Chain, Factor, Pivot, Role, StepGraph, Term, ValueId};
+use crate::index::{self, List, StateId, at};
 use crate::model::Expr;
 
 /// Returns what is wrong with a step graph; empty if nothing is.
@@ -22,6 +24,7 @@ pub fn check(graph: &StepGraph) -> Vec<String> {
     // What follows looks things up by these numbers.
     if checker.violations.is_empty() {
         checker.chains();
+        checker.rings();
         checker.functions();
     }
     checker.violations
@@ -163,6 +166,47 @@ impl Checker<'_> {
         for (input, value) in graph.inputs.iter().enumerate() {
             let fits = graph.value(*value).role == Role::Input(index::number(input));
             self.require(fits, || format!("input {input} is no value of an input"));
+        }
+    }
+
+    fn rings(&mut self) {
+        let graph = self.graph;
+        let followed = |end: ValueId| match graph.value(end).role {
+            Role::State(of) => Some(of),
+            _ => None,
+        };
+        let mut in_ring = vec![false; graph.values.len()];
+        let mut sound = List::filled(false, graph.states.len());
+        for (state, (start, end)) in graph.states.numbered() {
+            let mut way = vec![state];
+            while let Some(before) = followed(graph.states[way[way.len() - 1]].1).filter(|before| !sound[*before]) {
+                if way.len() > graph.states.len() {
+                    self.require(false, || format!("`{}` follows itself", graph.value_name(*start)));
+                    return;
+                }
+                way.push(before);
+            }
+            way.into_iter().for_each(|state| sound[state] = true);
+            let Some(before) = followed(*end) else { continue };
+            let (before, ring) = graph.states[before];
+            (in_ring[start.index()], in_ring[before.index()]) = (true, true);
+            if followed(ring).is_none() {
+                in_ring[ring.index()] = true;
+                self.require(matches!(graph.value(ring).role, Role::Next(_)), || {
+                    format!("the ring of `{}` takes what no chain writes", graph.value_name(*start))
+                });
+            }
+        }
+        let operands = graph.terms.iter().flat_map(Term::operands);
+        let ends = operands.filter(|id| matches!(graph.value(*id).role, Role::Next(_)));
+        let bases = graph.chains.iter().flat_map(Chain::writes).filter_map(|write| write.base);
+        let read = ends.chain(bases).chain(graph.outputs.iter().copied());
+        let read = read.chain(graph.functions.lookups.iter().map(|lookup| lookup.argument));
+        for id in read.filter(|id| in_ring[id.index()]) {
+            self.require(false, || format!("`{}` is in a ring and read as something else", graph.value_name(id)));
+        }
+        for (id, value) in (0..).map(ValueId::new).zip(&graph.values).filter(|(id, _)| in_ring[id.index()]) {
+            self.require(!value.factor, || format!("`{}` is in a ring and a factor", graph.value_name(id)));
         }
     }
 

@@ -53,15 +53,15 @@ pub(super) struct Clock<'a> {
     pub(super) word: &'a ControlWord,
     /// Whether anything takes the result whose base and shift the word chooses.
     pub(super) used: bool,
-    /// Whether buffers have swapped their roles.
-    pub(super) odd: bool,
+    /// Whether buffers have swapped their roles, and by how many places rings have moved on.
+    pub(super) turn: (bool, u64),
     pub(super) ends_step: bool,
     pub(super) cycle: u64,
 }
 
 /// What a control word reads.
 pub(super) struct Reads {
-    /// Words of the memories and what they hold.
+    /// Words of the memories, those of rings as the control words name them, and what they hold.
     pub(super) own: Option<(usize, i64)>,
     pub(super) imported: Option<(usize, i64)>,
     pub(super) factor: i64,
@@ -86,10 +86,10 @@ impl Clock<'_> {
     }
 
     /// Marks what was at work in the reads; the fields that were.
-    pub(super) fn reads_at_work(&self, reads: &Reads, pe: &Registers, cover: &mut PeCoverage) -> u32 {
-        const OWN_FIELDS: [FieldName; 3] = [FieldName::OwnEnable, FieldName::OwnAddress, FieldName::OwnSwap];
-        const IMPORTED_FIELDS: [FieldName; 3] =
-            [FieldName::ImportedEnable, FieldName::ImportedAddress, FieldName::ImportedSwap];
+    pub(super) fn reads_at_work(&self, reads: &Reads, pe: &Registers, cover: &mut PeCoverage) -> u64 {
+        use FieldName::*;
+        const OWN_FIELDS: [FieldName; 4] = [OwnEnable, OwnAddress, OwnSwap, OwnRing];
+        const IMPORTED_FIELDS: [FieldName; 4] = [ImportedEnable, ImportedAddress, ImportedSwap, ImportedRing];
         let word = self.word;
         self.fetch(reads, cover);
         let mut fields = self.operand_at_work(reads.own, word.own, reads.factor, OWN_FIELDS, (OWN, cover));
@@ -109,24 +109,36 @@ impl Clock<'_> {
         fields
     }
 
+    /// Which bits beside an address were at work in it.
+    pub(super) fn moved(&self, address: Address, swap: FieldName, ring: FieldName) -> u64 {
+        let (odd, turns) = self.turn;
+        let swapped = if address.swap && odd { bit(swap) } else { 0 };
+        let ringed = address.ring && self.features().turned(address.word, turns) != address.word;
+        swapped | if ringed { bit(ring) } else { 0 }
+    }
+
+    /// The word of a memory that an address means.
+    pub(super) fn physical(&self, address: Address, depth: usize) -> usize {
+        physical(address, depth, self.turn, self.features())
+    }
+
     /// Marks an operand, its factor among them, that was at work in a product; the fields that were.
     pub(super) fn operand_at_work(
         &self,
         read: Option<(usize, i64)>,
         address: Option<Address>,
         factor: i64,
-        names: [FieldName; 3],
+        names: [FieldName; 4],
         (memory, cover): (usize, &mut PeCoverage),
-    ) -> u32 {
+    ) -> u64 {
         let Some((place, value)) = read else { return 0 };
         if value == 0 || factor == 0 {
             return 0;
         }
         cover.read[memory][place] = true;
-        let swapped = self.odd && address.is_some_and(|address| address.swap);
         bit(names[0])
             | bit(names[1])
-            | if swapped { bit(names[2]) } else { 0 }
+            | address.map_or(0, |address| self.moved(address, names[2], names[3]))
             | match self.word.coefficient {
                 CoefficientOperand::Coefficient(_) => bit(FieldName::Coefficient),
                 CoefficientOperand::Stored(address) => {
@@ -142,7 +154,10 @@ impl Registers {
     pub(super) fn read(&self, clock: &Clock) -> Reads {
         let word = clock.word;
         let read = |memory: &[i64], address: Option<Address>| {
-            address.map(|address| physical(address, memory.len(), clock.odd)).map(|place| (place, memory[place]))
+            address.map(|address| {
+                let place = clock.physical(address, memory.len());
+                (if address.ring { usize::from(address.word) } else { place }, memory[place])
+            })
         };
         let base_word = word.base.map(|address| usize::from(address) | self.index);
         Reads {
@@ -183,7 +198,7 @@ impl Registers {
     }
 
     /// Scale and accumulate group; the fields that were at work.
-    pub(super) fn accumulate(&mut self, clock: &Clock, reads: &Reads, cover: &mut PeCoverage) -> u32 {
+    pub(super) fn accumulate(&mut self, clock: &Clock, reads: &Reads, cover: &mut PeCoverage) -> u64 {
         let (word, features) = (clock.word, clock.features());
         let mut fields = 0;
         let shift = features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0);
@@ -229,28 +244,29 @@ impl Registers {
         result: i64,
         cover: &mut PeCoverage,
         trace: &mut impl FnMut(TraceLine),
-    ) -> u32 {
+    ) -> u64 {
         let Some(target) = clock.word.write else { return 0 };
         let (format, features) = (&clock.program.format, clock.features());
         let mut fields = 0;
         let names = bit(FieldName::WriteAddress);
-        let address = physical(target.address, self.own.len(), clock.odd);
+        let address = clock.physical(target.address, self.own.len());
         if target.own {
-            let swap = if target.address.swap && clock.odd { bit(FieldName::WriteSwap) } else { 0 };
+            let moved = clock.moved(target.address, FieldName::WriteSwap, FieldName::WriteRing);
             let place = address & (self.own.len() - 1);
-            if store(&mut self.own, place, format.data_operand(result), &mut cover.written[OWN]) {
-                fields |= names | swap | bit(FieldName::WriteOwn);
+            let named = if target.address.ring { usize::from(target.address.word) } else { place };
+            if store(&mut self.own, (place, named), format.data_operand(result), &mut cover.written[OWN]) {
+                fields |= names | moved | bit(FieldName::WriteOwn);
             }
         }
         if target.base && (clock.ends_step || !features.base_last) {
             let place = features.base_word(target.address.word);
-            if store(&mut self.base_words, place, result, &mut cover.written[BASE]) {
+            if store(&mut self.base_words, (place, place), result, &mut cover.written[BASE]) {
                 fields |= names | bit(FieldName::WriteBase);
             }
         }
         if target.factor {
             let (place, value) = (features.factor_word(target.address.word), format.factor_operand(result));
-            if store(&mut self.coefficients, place, value, &mut cover.written[COEFFICIENT]) {
+            if store(&mut self.coefficients, (place, place), value, &mut cover.written[COEFFICIENT]) {
                 fields |= names | bit(FieldName::WriteFactor);
             }
         }
@@ -266,16 +282,17 @@ impl Registers {
         source: impl Fn(&LinkSource) -> i64,
         cover: &mut PeCoverage,
         trace: &mut impl FnMut(TraceLine),
-    ) -> u32 {
+    ) -> u64 {
         let Some((port, address)) = clock.word.receive else { return 0 };
         let ports = &clock.program.pes[clock.pe].ports;
         let value = source(&ports[port]);
-        let place = physical(address, self.imported.len(), clock.odd);
+        let place = clock.physical(address, self.imported.len());
+        let named = if address.ring { usize::from(address.word) } else { place };
         let mut fields = 0;
-        if store(&mut self.imported, place, value, &mut cover.written[IMPORTED]) {
+        if store(&mut self.imported, (place, named), value, &mut cover.written[IMPORTED]) {
             cover.ports[port] = true;
             fields |= bit(FieldName::ReceiveEnable) | bit(FieldName::ReceiveAddress);
-            fields |= if address.swap && clock.odd { bit(FieldName::ReceiveSwap) } else { 0 };
+            fields |= clock.moved(address, FieldName::ReceiveSwap, FieldName::ReceiveRing);
         }
         let mut others = ports.numbered().filter(|(other, _)| *other != port);
         if ports.len() > 1 && others.all(|(_, other)| source(other) != value) {
@@ -288,11 +305,12 @@ impl Registers {
     }
 
     /// Writes the segment of a result to the index memory; the fields that were at work.
-    pub(super) fn write_index(&mut self, clock: &Clock, result: i64, cover: &mut PeCoverage) -> u32 {
+    pub(super) fn write_index(&mut self, clock: &Clock, result: i64, cover: &mut PeCoverage) -> u64 {
         let Some((address, octaves)) = clock.word.write_index else { return 0 };
         let segments = clock.features().segments();
         let segment = segment(result, clock.program.format.word_bits(), segments, octaves);
-        if !store(&mut self.indices, usize::from(address), segment, &mut cover.written[INDEX]) {
+        let place = usize::from(address);
+        if !store(&mut self.indices, (place, place), segment, &mut cover.written[INDEX]) {
             return 0;
         }
         let octave = if octaves { bit(FieldName::WriteOctave) } else { 0 };
@@ -300,11 +318,11 @@ impl Registers {
     }
 }
 
-/// Stores a word and marks it, if it is another one; whether it was.
-fn store<T: PartialEq>(memory: &mut [T], place: usize, value: T, written: &mut [bool]) -> bool {
+/// Stores a word and marks it by its name, if it is another one; whether it was.
+fn store<T: PartialEq>(memory: &mut [T], (place, named): (usize, usize), value: T, written: &mut [bool]) -> bool {
     let changes = memory[place] != value;
     if changes {
-        written[place] = true;
+        written[named] = true;
     }
     memory[place] = value;
     changes

@@ -77,7 +77,11 @@ impl Order {
             states: places(&mut graph.names.states.iter().map(String::as_str)),
             algebraics: places(&mut graph.names.algebraics.iter().map(String::as_str)),
             equations: places(&mut graph.equations.iter().map(|equation| equation.name.as_str())),
-            next: (0..).zip(&graph.states).map(|(state, (_, next))| (*next, state)).collect(),
+            next: (0..)
+                .zip(&graph.states)
+                .filter(|(_, (_, next))| !matches!(graph.value(*next).role, Role::State(_)))
+                .map(|(state, (_, next))| (*next, state))
+                .collect(),
             edge,
         }
     }

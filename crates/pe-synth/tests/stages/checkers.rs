@@ -261,7 +261,7 @@ fn columns_are_whole_aligned_and_never_overwritten() {
         let pe = &mut program.pes[pe];
         let target = pe.words.iter_mut().filter_map(|word| word.write.as_mut()).find(|target| !target.own);
         let target = target.expect("a write to the base or coefficient memory alone");
-        *target = Target { base: true, address: Address { word: first as u16, swap: false }, ..*target };
+        *target = Target { base: true, address: Address { word: first as u16, ..Address::default() }, ..*target };
     });
 }
 

@@ -34,6 +34,7 @@ mod random_models;
 mod ranges;
 mod reasons;
 mod relay;
+mod rings;
 mod rounded;
 mod rounding;
 mod routes;

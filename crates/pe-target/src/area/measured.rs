@@ -119,6 +119,7 @@ fn shape(line: &str) -> Option<MeasuredShape> {
         octave_bits: missing_is_zero("octave_bits")?,
         shown_words: missing_is_zero("shown_words")?,
         show_last: fields.get("show_last").is_some_and(|value| *value == "true"),
+        ring_bits: missing_is_zero("ring_bits")?,
     };
     let coefficients = if features.factor { 0 } else { features.coefficient_words };
     let constants = content::random(coefficients, format.coefficient_bits, false, family);

@@ -13,7 +13,10 @@ pub fn sequencer(program: &Program, family: Family) -> (f64, f64) {
     let (lut, ff) = sequencer_alone(program.period, program.rounds, deep, family);
     let flags = (program.pes.len() + program.ports().count()) as f64;
     let joined = (flags - 1.0) / f64::from(family.lut_inputs() - 1);
-    (lut + joined.ceil(), ff + 1.0)
+    // The number of the step, for rings, and its way to the PEs.
+    let steps = f64::from(program.pes.iter().map(|pe| pe.features.ring_bits).max().unwrap_or(0));
+    let late = if deep { 5.0 } else { 1.0 };
+    (lut + joined.ceil() + steps, ff + 1.0 + steps * late)
 }
 
 pub(super) fn sequencer_alone(period: u32, rounds: u32, deep: bool, family: Family) -> (f64, f64) {

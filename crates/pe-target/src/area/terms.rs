@@ -51,9 +51,16 @@ pub fn pe(features: &PeFeatures, format: &WordFormat, family: Family) -> (f64, f
     // The upper bits of a saturated word tell its sign; a reset makes the others without a table.
     let saturation = if features.proven { f64::from(WordFormat::CEILING_BITS) } else { 0.0 };
     (
-        weighted(&lut_terms(features, format, family), &fitted.lut) + choices * fitted.deep_lut - saturation,
+        weighted(&lut_terms(features, format, family), &fitted.lut) + choices * fitted.deep_lut - saturation
+            + rings(features),
         weighted(&ff_terms(features, format, family), &fitted.ff) + registers * fitted.deep_ff,
     )
+}
+
+/// What rings add, counted: a bit of a sum in front of each address that may be of a ring.
+fn rings(features: &PeFeatures) -> f64 {
+    let addresses = if features.imported_words > 0 { 4 } else { 2 };
+    f64::from(addresses * features.ring_bits)
 }
 
 /// What the estimate of a PE may be off by, relative to it: LUTs and flip-flops.

@@ -34,6 +34,7 @@ fn estimates_of_lookups_agree_with_synthesis() {
             octave_bits: 0,
             shown_words: 0,
             show_last: false,
+            ring_bits: 0,
         };
         let format = WordFormat::new(32, 25, 18);
         let count = |features: &PeFeatures| weighted(&lut_terms(features, &format, Family::Virtex6), &fitted::XC6V.lut);

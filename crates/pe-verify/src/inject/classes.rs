@@ -339,9 +339,10 @@ impl NetworkDamages<'_> {
 
     /// Ports of instances tied, or wired to what the next instance has.
     fn ports(&mut self, network: &Network, design: &Design) {
-        let tied: [(&str, &str, &str, Class); 18] = [
+        let tied: [(&str, &str, &str, Class); 19] = [
             ("pe", "parity_i", "'0'", Class::Parity),
             ("pe", "last_i", "'1'", Class::Parity),
+            ("pe", "turn_i", "(others => '0')", Class::Address),
             ("pe", "settle_i", "'0'", Class::Settle),
             ("pe", "settle_i", "'1'", Class::Settle),
             ("pe", "advance_i", "'1'", Class::ClockEnable),

@@ -50,6 +50,7 @@ pub struct Features {
     pub saturate: bool,
     pub shown_words: u32,
     pub show_last: bool,
+    pub ring_bits: u32,
 }
 
 /// The fields of a PE's control word, as the table of the datasheet lists them.
@@ -58,9 +59,11 @@ pub struct Features {
 pub struct Fields {
     pub own_enable: Field,
     pub own_swap: Field,
+    pub own_ring: Field,
     pub own_address: Field,
     pub imported_enable: Field,
     pub imported_swap: Field,
+    pub imported_ring: Field,
     pub imported_address: Field,
     pub coefficient: Field,
     pub coefficient_address: Field,
@@ -74,6 +77,7 @@ pub struct Fields {
     pub write_base: Field,
     pub write_factor: Field,
     pub write_swap: Field,
+    pub write_ring: Field,
     pub write_address: Field,
     pub write_index: Field,
     pub write_octave: Field,
@@ -82,6 +86,7 @@ pub struct Fields {
     pub send: Field,
     pub receive_enable: Field,
     pub receive_swap: Field,
+    pub receive_ring: Field,
     pub receive_address: Field,
     pub port: Field,
     /// Name and place of each field that is present, the most significant first.
@@ -101,17 +106,20 @@ impl Fields {
         let f = features;
         let imports = u32::from(f.imported_words > 0);
         let (swap, stored) = (u32::from(f.swap), u32::from(f.coefficient_words > 0));
+        let ring = u32::from(f.ring_bits > 0);
         let indexed = u32::from(f.index_words > 0);
         let factors = if f.factor { f.coefficient_words } else { 0 };
         let deepest = f.own_words.max(f.base_words).max(factors);
         let imported = imports * log2(f.imported_words);
         let mut fields = Fields::default();
-        let list: [(&'static str, &mut Field, u32); 28] = [
+        let list: [(&'static str, &mut Field, u32); 32] = [
             ("own_enable", &mut fields.own_enable, 1),
             ("own_swap", &mut fields.own_swap, swap),
+            ("own_ring", &mut fields.own_ring, ring),
             ("own_address", &mut fields.own_address, log2(f.own_words)),
             ("imported_enable", &mut fields.imported_enable, imports),
             ("imported_swap", &mut fields.imported_swap, imports * swap),
+            ("imported_ring", &mut fields.imported_ring, imports * ring),
             ("imported_address", &mut fields.imported_address, imported),
             ("coefficient", &mut fields.coefficient, (1 - stored) * coefficient_bits),
             ("coefficient_address", &mut fields.coefficient_address, stored * log2(f.coefficient_words)),
@@ -125,6 +133,7 @@ impl Fields {
             ("write_base", &mut fields.write_base, 1),
             ("write_factor", &mut fields.write_factor, u32::from(f.factor)),
             ("write_swap", &mut fields.write_swap, swap),
+            ("write_ring", &mut fields.write_ring, ring),
             ("write_address", &mut fields.write_address, log2(deepest)),
             ("write_index", &mut fields.write_index, indexed),
             ("write_octave", &mut fields.write_octave, indexed * u32::from(f.octave_width > 0)),
@@ -133,6 +142,7 @@ impl Fields {
             ("send", &mut fields.send, u32::from(f.send)),
             ("receive_enable", &mut fields.receive_enable, imports),
             ("receive_swap", &mut fields.receive_swap, imports * swap),
+            ("receive_ring", &mut fields.receive_ring, imports * ring),
             ("receive_address", &mut fields.receive_address, imported),
             ("port", &mut fields.port, log2(f.ports)),
         ];
@@ -350,6 +360,7 @@ impl Design {
                 _ => 0,
             },
             show_last: flag("SHOW_LAST"),
+            ring_bits: optional("RING_BITS")?,
         };
         let fields = Fields::of(&features, self.widths[2]);
         let (words, first) = self.words(index, &fields, package)?;

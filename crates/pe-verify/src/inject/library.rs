@@ -26,6 +26,8 @@ pub enum When {
     Room,
     /// With several words in an output memory.
     Places,
+    /// With rings of past words.
+    Rings,
 }
 
 impl When {
@@ -41,6 +43,7 @@ impl When {
             When::Memories => design.pes.iter().filter(|pe| pe.features.shown_words > 0).count() > 1,
             When::Room => design.pes.iter().any(|pe| (1..pe.features.shown_words as usize).contains(&pe.shown())),
             When::Places => design.pes.iter().any(|pe| pe.features.shown_words > 0 && pe.shown() > 1),
+            When::Rings => design.pes.iter().any(|pe| pe.features.ring_bits > 0),
             When::Octaves => design.pes.iter().any(|pe| pe.features.octave_width > 0),
         }
     }
@@ -460,6 +463,22 @@ pub const REPLACEMENTS: &[Replacement] = &[
     ),
     (Parity, Always, "pe_sequencer.vhd", "if (place = 0 and valid = '1') then", "if (place = 0) then"),
     (Parity, Always, "pe_sequencer.vhd", "parity <= not parity;", "parity <= parity;"),
+    (Address, Rings, "pe_sequencer.vhd", "turn <= turn + 1;", "turn <= turn;"),
+    (
+        Address,
+        Rings,
+        "pe_sequencer.vhd",
+        "if (RING_BITS > 0 and address = 0 and valid = '1') then",
+        "if (RING_BITS > 0 and address = 0) then",
+    ),
+    (
+        Address,
+        Rings,
+        "pe.vhd",
+        "turned(write_steered, flag(control_i, LAYOUT.write.ring), turn_i, OWN_RING_BITS)",
+        "turned(write_steered, '0', turn_i, OWN_RING_BITS)",
+    ),
+    (Address, Rings, "pe_write_pkg.vhd", ":= turn and (turn'range => ring);", ":= turn;"),
     (
         Parity,
         Always,

@@ -128,6 +128,18 @@ impl State {
         places
     }
 
+    /// Moves rings back by so many steps: from there on the next ones do what these did.
+    fn turn_back(&mut self, rings: &Rings, steps: u32, design: &Design) {
+        for ((state, rings), pe) in self.pes.iter_mut().zip(rings).zip(&design.pes) {
+            let words = 1usize << pe.features.ring_bits;
+            for (memory, rings) in [&mut state.own, &mut state.imported].into_iter().zip(rings) {
+                for first in rings {
+                    memory[*first as usize..][..words].rotate_left(steps as usize % words);
+                }
+            }
+        }
+    }
+
     fn symbols(&mut self) -> Vec<Id> {
         self.places().into_iter().map(|place| *place).collect()
     }
@@ -156,7 +168,8 @@ impl Run<'_> {
         let settle = count < pause - self.design.rules.settled_early;
         let parity = count / length % 2 == 1;
         let last = count >= pause && (count - pause) / length % rounds == rounds - 1;
-        let place = Place { count, word: count % period, settle, parity, last };
+        let turn = count / period;
+        let place = Place { count, word: count % period, settle, parity, last, turn };
         let link = |(pe, state): (&Pe, &PeState)| {
             // A clock in which nothing is executed comes before the word or does not.
             let sends = pe.fields.send.set(bits_of(pe, &place));
@@ -205,13 +218,14 @@ impl Run<'_> {
         let bits = bits_of(pe, place);
         let state = &self.state.pes[index];
         let read = |memory: &[Id], address: u64| memory[address as usize & (memory.len() - 1)];
-        let own = f
-            .own_enable
-            .set(bits)
-            .then(|| read(&state.own, place.steered(f.own_address.of(bits), f.own_swap.set(bits), features.own_words)));
+        let own = f.own_enable.set(bits).then(|| {
+            let address = place.steered(f.own_address.of(bits), f.own_swap.set(bits), features.own_words);
+            read(&state.own, place.turned(address, f.own_ring.set(bits), features.ring_bits))
+        });
         let imported = f.imported_enable.set(bits).then(|| {
             let address = f.imported_address.of(bits);
-            read(&state.imported, place.steered(address, f.imported_swap.set(bits), features.imported_words))
+            let address = place.steered(address, f.imported_swap.set(bits), features.imported_words);
+            read(&state.imported, place.turned(address, f.imported_ring.set(bits), features.ring_bits))
         });
         let factor = if features.coefficient_words > 0 {
             read(&state.coefficient, f.coefficient_address.of(bits))
@@ -258,6 +272,7 @@ impl Run<'_> {
         let (takes_own, takes_factor) =
             (f.write_own.set(bits) && writes(OWN), f.write_factor.set(bits) && writes(FACTOR));
         let address = place.steered(f.write_address.of(bits), f.write_swap.set(bits), features.own_words);
+        let address = place.turned(address, f.write_ring.set(bits), features.ring_bits);
         if takes_own || takes_base || takes_factor {
             self.seen.insert(Seen::Write { word: place.count, pe: index, address, value: written });
         }
@@ -293,6 +308,7 @@ impl Run<'_> {
         }
         if let Some(received) = received.filter(|_| writes(IMPORTED)) {
             let address = place.steered(f.receive_address.of(bits), f.receive_swap.set(bits), features.imported_words);
+            let address = place.turned(address, f.receive_ring.set(bits), features.ring_bits);
             self.seen.insert(Seen::Receive { word: place.count, pe: index, address, value: received });
             let at = address as usize & (state.imported.len() - 1);
             state.imported[at] = received;
@@ -348,6 +364,8 @@ struct Place {
     settle: bool,
     parity: bool,
     last: bool,
+    /// Number of the step.
+    turn: u32,
 }
 
 impl Place {
@@ -356,10 +374,63 @@ impl Place {
         self.settle && pe.settles
     }
 
+    /// An address of a ring, which moves on with every step, or another one.
+    fn turned(&self, address: u64, ring: bool, ring_bits: u32) -> u64 {
+        let mask = (1u64 << ring_bits) - 1;
+        if ring { address & !mask | (address + u64::from(self.turn)) & mask } else { address }
+    }
+
     /// An address of a memory of so many words whose halves may have changed roles.
     fn steered(&self, address: u64, swap: bool, words: u32) -> u64 {
         if swap && self.parity { address ^ (1u64 << log2(words) >> 1) } else { address }
     }
+}
+
+/// First words of the rings in the own and in the imported memory of each PE.
+type Rings = Vec<[BTreeSet<u64>; 2]>;
+
+/// The rings of a design: in each step they are what they were in the one before, moved on by a word, if nothing takes their words
+/// for others.
+///
+/// # Errors
+/// Something does.
+fn rings(design: &Design) -> Result<Rings, String> {
+    let of = |(index, pe): (usize, &Pe)| {
+        let (f, features) = (&pe.fields, &pe.features);
+        let mask = !((1u64 << features.ring_bits) - 1);
+        let mut rings = [BTreeSet::new(), BTreeSet::new()];
+        let mut others = [BTreeSet::new(), BTreeSet::new()];
+        for bits in pe.words.iter().copied().chain([pe.first]) {
+            let accesses = [
+                (0, f.own_enable.set(bits), f.own_address, f.own_ring.set(bits), features.own_words),
+                (0, f.write_own.set(bits), f.write_address, f.write_ring.set(bits), features.own_words),
+                (
+                    1,
+                    f.imported_enable.set(bits),
+                    f.imported_address,
+                    f.imported_ring.set(bits),
+                    features.imported_words,
+                ),
+                (1, f.receive_enable.set(bits), f.receive_address, f.receive_ring.set(bits), features.imported_words),
+            ];
+            for (memory, _, address, ring, depth) in accesses.into_iter().filter(|(_, enabled, ..)| *enabled) {
+                let depth = u64::from(depth);
+                let word = address.of(bits) & depth.wrapping_sub(1);
+                if ring {
+                    rings[memory].insert(word & mask);
+                } else {
+                    // The halves of a memory may change roles.
+                    others[memory]
+                        .extend([word & mask, (word ^ (depth / 2)) & mask].iter().take(1 + usize::from(features.swap)));
+                }
+            }
+        }
+        match rings.iter().zip(&others).all(|(rings, others)| rings.is_disjoint(others)) {
+            true => Ok(rings),
+            false => Err(format!("PE {index} takes words of a ring for others")),
+        }
+    };
+    design.pes.iter().enumerate().map(of).collect()
 }
 
 /// What is supposed of a place between two steps.
@@ -380,7 +451,7 @@ pub fn equal(design: &Design, damaged: &Design) -> Result<(), String> {
     let shapes = |a: &Pe, b: &Pe| {
         let depths = |pe: &Pe| {
             let f = &pe.features;
-            [f.own_words, f.base_words, f.coefficient_words, f.imported_words, f.index_words]
+            [f.own_words, f.base_words, f.coefficient_words, f.imported_words, f.index_words, f.ring_bits]
         };
         depths(a) == depths(b) && a.ports.len() == b.ports.len()
     };
@@ -390,6 +461,10 @@ pub fn equal(design: &Design, damaged: &Design) -> Result<(), String> {
         && design.widths == damaged.widths;
     if !alike || design.pes.len() != damaged.pes.len() || !pes.clone().all(|(a, b)| shapes(a, b)) {
         return Err("the networks have other memories or another timing".into());
+    }
+    let of_design = rings(design)?;
+    if of_design != rings(damaged)? {
+        return Err("the networks have other rings".into());
     }
     let symbols = &mut Symbols::new();
     let pause = design.pause();
@@ -438,6 +513,7 @@ pub fn equal(design: &Design, damaged: &Design) -> Result<(), String> {
             }
             run.seen.clear();
             run.execute(symbols, pause, pause + steps * design.period);
+            run.state.turn_back(&of_design, steps, run.design);
         }
         let [own, other] = [0, 1].map(|side| runs[side].state.symbols());
         let mut kept = true;
