@@ -37,7 +37,7 @@ use crate::known::Known;
 use crate::mapping_file::MappingFile;
 use crate::rings;
 use crate::selection::{self, Price};
-use crate::settings::{MappingOptions, Settings, StageLoop, step_options};
+use crate::settings::{MappingOptions, Settings, step_options};
 use crate::sized;
 use crate::spec::LoadedModel;
 use crate::stages::{self, CHECKED_ROUNDS};
