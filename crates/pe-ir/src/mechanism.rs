@@ -31,6 +31,15 @@ pub struct Mechanism {
     pub span: Span,
 }
 
+/// Points of the implicit step at which equations of the model are evaluated: what the names of these equations end in there.
+pub const POINTS: [&str; 3] = ["ahead", "nearer", "end"];
+
+/// The name in the model of what an equation of the implicit step is at one of its points.
+pub fn of_point(name: &str) -> Option<&str> {
+    let (own, point) = name.trim_end_matches('_').rsplit_once('.')?;
+    POINTS.contains(&point).then_some(own)
+}
+
 impl Mechanism {
     fn parts_mut(&mut self) -> impl Iterator<Item = &mut Expr> {
         let entries = self.mass.iter_mut().chain(&mut self.jacobian).map(|entry| &mut entry.value);

@@ -1,6 +1,6 @@
 //! Angles: states that count turns, of which the step drops whole ones, and values that are the same a turn further.
 
-use crate::index::at;
+use crate::index::{StateId, at};
 use crate::model::{Expr, Model, Variable};
 
 /// A turn in radians.
@@ -53,6 +53,17 @@ impl Model {
             Expr::Sum(members) => members.iter().map(term).sum(),
             expr => term(expr),
         }
+    }
+
+    /// What one value of a state is more than another one, of an angle modulo a turn.
+    pub fn difference(&self, state: StateId, one: f64, other: f64) -> f64 {
+        let angle = self.states.find(state).is_some_and(|state| state.angle);
+        if angle { principal(one - other, 1.0) } else { one - other }
+    }
+
+    /// What a unit of a state is in the unit of the spec: of an angle a turn in radians.
+    pub fn radians(&self, state: StateId) -> f64 {
+        if self.states[state].angle { RADIANS } else { 1.0 }
     }
 
     /// The states that are angles, each with the length of a turn.

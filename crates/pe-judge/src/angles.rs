@@ -1,10 +1,11 @@
 //! Angles: whether a step follows them, and what functions of them reach whatever a run does.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use pe_ir::codes;
 use pe_ir::graph::{Factor, Role, StepGraph, ValueId};
 use pe_ir::index::{self, StateId};
+use pe_ir::mechanism::of_point;
 use pe_ir::model::{Model, Variable};
 use pe_ir::source::Diagnostic;
 use pe_ir::turns::{HALF, LONGEST_MOVE, REACH};
@@ -12,18 +13,35 @@ use pe_ir::turns::{HALF, LONGEST_MOVE, REACH};
 /// Points at which a function of an angle is looked at.
 const PROBES: i32 = 512;
 
-/// Algebraic variables of a model by their names: where linear systems are eliminated, those of the step have other numbers.
-struct Numbers<'a>(HashMap<&'a str, u32>);
+/// Variables of a model by their names: where linear systems are eliminated, those of the step have other numbers, and the
+/// implicit step of a mechanism evaluates them at points of its own.
+struct Numbers<'a> {
+    model: &'a Model,
+    algebraics: HashMap<&'a str, u32>,
+    angles: HashSet<&'a str>,
+}
 
 impl Numbers<'_> {
     fn of(model: &Model) -> Numbers<'_> {
         let names = (0..).zip(&model.algebraics).map(|(number, algebraic)| (algebraic.name.as_str(), number));
-        Numbers(names.collect())
+        let angles = model.states.iter().filter(|state| state.angle).map(|state| state.name.as_str());
+        Numbers { model, algebraics: names.collect(), angles: angles.collect() }
     }
 
-    /// The number in the model of an algebraic variable of the step.
+    /// The number in the model of an algebraic variable of the step, or of what it is at a point.
     fn find(&self, graph: &StepGraph, algebraic: u32) -> Option<u32> {
-        self.0.get(graph.names.algebraics[index::at(algebraic)].as_str()).copied()
+        let name = graph.names.algebraics[index::at(algebraic)].as_str();
+        let own = self.algebraics.get(name);
+        own.or_else(|| self.algebraics.get(of_point(name)?)).copied()
+    }
+
+    /// Number of turns that an algebraic variable of the step reaches, if it is an angle or a sum of angles.
+    fn turns(&self, graph: &StepGraph, algebraic: u32) -> Option<f64> {
+        if let Some(number) = self.find(graph, algebraic) {
+            return self.model.turns_of_sum(number);
+        }
+        let own = of_point(&graph.names.algebraics[index::at(algebraic)])?;
+        self.angles.contains(own).then_some(REACH)
     }
 }
 
@@ -55,7 +73,7 @@ pub(crate) fn include_arguments(model: &Model, graph: &StepGraph, arguments: &mu
     let of_state = |state: StateId| model.states.find(state).is_some_and(|state| state.angle).then_some(REACH);
     let angle = |value: ValueId| match graph.value(value).role {
         Role::State(state) | Role::Stage(state, _) | Role::Next(state) => of_state(state),
-        Role::Algebraic(algebraic, _) => model.turns_of_sum(numbers.find(graph, algebraic)?),
+        Role::Algebraic(algebraic, _) => numbers.turns(graph, algebraic),
         // What is added to an angle is one.
         _ => producers[value.index()].and_then(|chain| {
             let base = graph.chains[chain].writes().find(|write| write.value == value)?.base?;
@@ -79,6 +97,19 @@ pub(crate) fn include_arguments(model: &Model, graph: &StepGraph, arguments: &mu
         let own = &mut arguments[chain.write.value.index()];
         *own = (own.0.min(base - reach), own.1.max(base + reach));
     }
+}
+
+/// The algebraic values that are angles or sums of angles, each with the number of turns that it reaches.
+pub(crate) fn sums(model: &Model, graph: &StepGraph) -> Vec<(ValueId, f64)> {
+    if !model.has_angles() {
+        return Vec::new();
+    }
+    let numbers = Numbers::of(model);
+    let values = graph.values.iter().enumerate().filter_map(|(value, own)| match own.role {
+        Role::Algebraic(algebraic, _) => Some((ValueId::at(value), numbers.turns(graph, algebraic)?)),
+        _ => None,
+    });
+    values.collect()
 }
 
 /// The values that are functions of an angle alone, each with the largest magnitude that it has for any angle.

@@ -16,6 +16,7 @@ use pe_ir::mechanism::Mechanism;
 use pe_ir::model::{Entry, Expr, Model, Variable};
 use pe_ir::place::Place;
 use pe_ir::source::{Diagnostic, Span};
+use pe_ir::turns::{self, RADIANS};
 
 /// Part of what a closure is made of that is rounding.
 const ROUNDING: f64 = 1e-12;
@@ -46,6 +47,10 @@ const NAMED: usize = 6;
 /// Without an error, closures hold up to rounding, and velocities keep them if closures read coordinates alone.
 pub(crate) fn settle(model: &mut Model, names: &Names, report: &mut Report) -> Option<()> {
     let Some(mechanism) = model.mechanism.clone() else { return Some(()) };
+    // A turn further angles are the same, and differences are taken in parts of coordinates.
+    for state in model.states.iter_mut().filter(|state| state.angle) {
+        state.initial = turns::principal(state.initial, RADIANS);
+    }
     let finding = Start::of(model, &mechanism).settled();
     let (states, finding) = match finding {
         Ok(settled) => settled,

@@ -15,6 +15,8 @@
 //! All is evaluated at the end of the step, signals of the model and interpolated inputs as well, so that closures may move by
 //! themselves; inputs that are held are what they are at its beginning.
 //!
+//! Coordinates that are angles count turns: what is added to them is divided by a turn in radians.
+//!
 //! The projections share the elimination of the second iteration. The tangent leaves out how forces depend on positions
 //! and velocities: that slows the convergence and does not change what it converges to. The step is written as Euler's
 //! step of another model, `x' = change/h`, which adds each change to its state without a loss.
@@ -23,7 +25,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pe_ir::index::{StateId, at, number};
-use pe_ir::mechanism::Mechanism;
+use pe_ir::mechanism::{Mechanism, POINTS};
 use pe_ir::model::{Algebraic, Entry, Expr, Matrix, Model, Right, Solution, Solver, State, Variable};
 use pe_ir::motion::{Motion, Source};
 use pe_ir::source::Diagnostic;
@@ -60,9 +62,6 @@ fn check(model: &Model, mechanism: &Mechanism) -> Result<(), Vec<Diagnostic>> {
         return Err(unsuitable(model, "the step of a mechanism takes no list of steps", "take a single step"));
     }
     for (number, state) in model.states.numbered() {
-        if state.angle {
-            return refused(format!("`{}` is an angle", state.name));
-        }
         let still = state.derivative.as_constant() == Some(0.0);
         if !(is_part(number) || still || state.motion.is_some()) {
             return refused(format!("`{}` is no part of the mechanism", state.name));
@@ -313,22 +312,30 @@ impl Writer<'_> {
             one.iter().zip(other).map(|(one, other)| sum(vec![one.clone(), times(factor, other)])).collect()
         };
 
-        let forward = added(&added(&q, h, &w), 2.0, &a);
-        let q1 = self.each(false, "ahead", forward);
-        let w1 = self.each(true, "ahead", added(&w, 4.0 / h, &a));
-        let mut point = self.point(&signals, &q1, &w1, "ahead");
+        // Coordinates in their own units, which are turns of angles.
+        let units: Vec<f64> = self.mechanism.pairs.iter().map(|pair| 1.0 / self.given.radians(pair.0)).collect();
+        let along = |one: &[Expr], factor: f64, other: &[Expr]| -> Vec<Expr> {
+            let rows = one.iter().zip(other).zip(&units);
+            rows.map(|((one, other), unit)| sum(vec![one.clone(), times(unit * factor, other)])).collect()
+        };
+        let [ahead, nearer, end] = POINTS;
+
+        let forward = along(&along(&q, h, &w), 2.0, &a);
+        let q1 = self.each(false, ahead, forward);
+        let w1 = self.each(true, ahead, added(&w, 4.0 / h, &a));
+        let mut point = self.point(&signals, &q1, &w1, ahead);
         let parts = self.parts(&mut point);
-        let matrix = self.matrix(&parts, "ahead");
-        let lagging = self.closing("ahead", added(&m, penalty, &parts.gaps));
+        let matrix = self.matrix(&parts, ahead);
+        let lagging = self.closing(ahead, added(&m, penalty, &parts.gaps));
         let d1 = self.iteration(&matrix, &parts, &a, &lagging, "first");
 
-        let q2 = self.each(false, "nearer", added(&q1, 1.0, &d1));
-        let w2 = self.each(true, "nearer", added(&w1, 2.0 / h, &d1));
+        let q2 = self.each(false, nearer, along(&q1, 1.0, &d1));
+        let w2 = self.each(true, nearer, added(&w1, 2.0 / h, &d1));
         let a2 = self.each(true, "acceleration.nearer", added(&a, 1.0, &d1));
-        let mut point = self.point(&signals, &q2, &w2, "nearer");
+        let mut point = self.point(&signals, &q2, &w2, nearer);
         let parts = self.parts(&mut point);
-        let matrix = self.matrix(&parts, "nearer");
-        let lagging = self.closing("nearer", added(&m, 2.0 * penalty, &parts.gaps));
+        let matrix = self.matrix(&parts, nearer);
+        let lagging = self.closing(nearer, added(&m, 2.0 * penalty, &parts.gaps));
         let d2 = self.iteration(&matrix, &parts, &a2, &lagging, "second");
 
         let w3 = self.each(true, "free", added(&w2, 2.0 / h, &d2));
@@ -342,8 +349,8 @@ impl Writer<'_> {
         let open = open.collect();
         let open = self.closing("opening", open);
         let lost = self.projection(&matrix, &parts.jacobian, &open, "projected");
-        let ends = self.each(true, "end", added(&w3, -1.0, &lost));
-        let mut point = self.point(&signals, &q2, &ends, "end");
+        let ends = self.each(true, end, added(&w3, -1.0, &lost));
+        let mut point = self.point(&signals, &q2, &ends, end);
         let bends: Vec<Expr> = self.mechanism.bends.iter().map(|bend| self.at(&mut point, bend)).collect();
         let bent = rows.map(|row| {
             let mut terms = row_times(&parts.jacobian, row, &a3);
@@ -358,8 +365,8 @@ impl Writer<'_> {
         let change = |terms: &[(f64, &Expr)]| sum(terms.iter().map(|(factor, expr)| times(factor / h, expr)).collect());
         for (place, (coordinate, velocity)) in mechanism.pairs.iter().enumerate() {
             let (a, d1, d2) = (&a[place], &d1[place], &d2[place]);
-            let states = &mut self.written.states;
-            states[*coordinate].derivative = change(&[(h, &w[place]), (2.0, a), (1.0, d1), (1.0, d2)]);
+            let (states, unit) = (&mut self.written.states, units[place]);
+            states[*coordinate].derivative = change(&[(unit * h, &w[place]), (unit * 2.0, a), (unit, d1), (unit, d2)]);
             states[*velocity].derivative = change(&[(4.0 / h, a), (2.0 / h, d1), (2.0 / h, d2), (-1.0, &lost[place])]);
             let derivative = change(&[(1.0, d1), (1.0, d2), (-1.0, &slowed[place])]);
             let name = format!("{}.acceleration", self.given.states[*velocity].name);

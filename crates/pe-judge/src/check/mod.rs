@@ -7,6 +7,7 @@
 mod answer;
 mod branches;
 mod causes;
+mod closures;
 mod course;
 mod findings;
 mod losses;
@@ -90,7 +91,7 @@ impl Check {
         check.pivot = judged.smallest_pivot.clone();
         check.dead_bands = observed::dead_bands(model, question.graph, &judged.fixed, &trusted);
         check.rest = rest::rest(model, question.graph, judged);
-        if question.goal.is_some() && observed::may_be_sensitive(question.graph, judged, &trusted) {
+        if question.goal.is_some() && observed::may_be_sensitive(model, question.graph, judged, &trusted) {
             check.chaos = observed::sensitivity(model, question.graph, &trusted)
                 .and_then(|found| observed::chaos(question.graph, Some(&judged.fixed), &trusted, found));
         }

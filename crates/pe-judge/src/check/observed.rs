@@ -227,7 +227,8 @@ fn magnitudes(model: &Model, run: DoubleRun, affine: bool, around: &Around) -> O
         let after = step(&moved);
         // No mode of the model moves states that stand for signals.
         let stands = |i: usize| i < model.states.len() && model.states[StateId::at(i)].motion.is_some();
-        let moved = |i: usize| if stands(i) { 0.0 } else { (after[i] - origin[i]) / (size * scales[i]) };
+        let by = |i: usize| model.difference(StateId::at(i), after[i], origin[i]);
+        let moved = |i: usize| if stands(i) { 0.0 } else { by(i) / (size * scales[i]) };
         (0..states).map(moved).collect()
     };
     let values = if states <= COLUMNS {
@@ -269,7 +270,7 @@ pub struct Chaos {
 /// moves each state by about an LSB in every step. If it stays near the one in double precision, nothing is multiplied. What
 /// multiplies differences all the time does so in the second half of the time, too, up to where the two have parted; where
 /// roundings merely add up, they add up to a few times as much there.
-pub fn may_be_sensitive(graph: &StepGraph, judged: &Judged, trusted: &Trusted) -> bool {
+pub fn may_be_sensitive(model: &Model, graph: &StepGraph, judged: &Judged, trusted: &Trusted) -> bool {
     let (scales, fixed) = (scales(trusted), &judged.fixed);
     // The lowest bit that a data port sees: below it words are rounded whenever they are read.
     let lsb = |(index, scale): (usize, &f64)| {
@@ -287,8 +288,9 @@ pub fn may_be_sensitive(graph: &StepGraph, judged: &Judged, trusted: &Trusted) -
         if largest > APART {
             break;
         }
-        let numbers = hardware.iter().zip(double).zip(&scales);
-        largest = numbers.map(|((hardware, double), scale)| (hardware - double).abs() / scale).fold(largest, f64::max);
+        let apart =
+            |state: usize| model.difference(StateId::at(state), hardware[state], double[state]).abs() / scales[state];
+        largest = (0..hardware.len()).map(apart).fold(largest, f64::max);
         course.push(largest);
     }
     let middle = course.get(course.len() / 2).copied().unwrap_or(coarsest);

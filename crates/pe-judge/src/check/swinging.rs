@@ -102,7 +102,7 @@ impl Course {
         }
         let mut logs = [0.0; DIFFERENCES];
         let mut course = Course { logs: Vec::new(), states: Vec::new() };
-        let mut before: Vec<f64> = moved.iter().map(|run| apart(&base, run, scales).0).collect();
+        let mut before: Vec<f64> = moved.iter().map(|run| apart(model, &base, run, scales).0).collect();
         for look in 0..looks {
             for step in look * every..(look + 1) * every {
                 let inputs = model.sample_inputs(model.time(step, 0.0));
@@ -113,7 +113,7 @@ impl Course {
             }
             let mut worst = (f64::NEG_INFINITY, StateId::new(0));
             for (run, (log, before)) in moved.iter_mut().zip(logs.iter_mut().zip(&mut before)) {
-                let (size, state) = apart(&base, run, scales);
+                let (size, state) = apart(model, &base, run, scales);
                 *log += libm::log((size / *before).max(f64::MIN_POSITIVE));
                 if *log > worst.0 {
                     worst = (*log, state);
@@ -122,9 +122,9 @@ impl Course {
                 let part = SIZE / size.max(f64::MIN_POSITIVE);
                 for state in (0..base.states().len()).map(StateId::at) {
                     let own = base.state(state);
-                    run.set_state(state, own + part * (run.state(state) - own));
+                    run.set_state(state, own + part * model.difference(state, run.state(state), own));
                 }
-                *before = apart(&base, run, scales).0;
+                *before = apart(model, &base, run, scales).0;
             }
             if !worst.0.is_finite() {
                 return None;
@@ -142,10 +142,10 @@ fn direction(number: usize, state: usize) -> f64 {
 }
 
 /// The largest difference of two runs, in parts of magnitudes, and its state.
-fn apart(one: &DoubleRun, other: &DoubleRun, scales: &[f64]) -> (f64, StateId) {
+fn apart(model: &Model, one: &DoubleRun, other: &DoubleRun, scales: &[f64]) -> (f64, StateId) {
     let part = |(state, scale): (usize, &f64)| {
         let state = StateId::at(state);
-        ((one.state(state) - other.state(state)).abs() / scale, state)
+        (model.difference(state, one.state(state), other.state(state)).abs() / scale, state)
     };
     let none = (0.0, StateId::new(0));
     scales

@@ -315,7 +315,7 @@ fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
     for (value, state) in left_at(model, graph) {
         model.states[state].range.into_iter().for_each(|range| include(value, range));
     }
-    for (value, largest) in angles::functions(model, graph) {
+    for (value, largest) in angles::functions(model, graph).into_iter().chain(angles::sums(model, graph)) {
         include(value, (-largest, largest));
     }
     for (index, value) in graph.values.iter().enumerate() {

@@ -65,9 +65,9 @@ impl Sensitivity {
             [&mut pair, &mut fine].into_iter().for_each(|[_, other]| other.set_state(StateId::at(index), disturbed));
         }
         let difference = |run: &DoubleRun, other: &DoubleRun| {
-            let of =
-                |index: usize| (run.state(StateId::at(index)) - other.state(StateId::at(index))).abs() / scales[index];
-            (0..scales.len()).map(of).fold(0.0, f64::max)
+            (0..scales.len())
+                .map(|state| apart(model, run, other, StateId::at(state)) / scales[state])
+                .fold(0.0, f64::max)
         };
         let first = difference(&pair[0], &pair[1]);
         let (mut largest, mut parted) = (first, None);
@@ -103,6 +103,11 @@ impl Sensitivity {
     }
 }
 
+/// How far a state of two runs is apart.
+fn apart(model: &Model, one: &DoubleRun, other: &DoubleRun, state: StateId) -> f64 {
+    model.difference(state, one.state(state), other.state(state)).abs()
+}
+
 /// Inputs of both halves of a step; `half` is the model with half the step.
 pub(super) fn in_halves(model: &Model, half: &Model, step: u64) -> [Vec<f64>; 2] {
     [0.5, 1.0].map(|part| {
@@ -131,9 +136,7 @@ fn disturbed_growth(model: &Model, graph: &StepGraph, scales: &[f64]) -> Option<
             run.step(&inputs).ok()?;
         }
         if done % stride == 0 || done == model.steps() {
-            let apart = |index: usize| {
-                (pair[0].state(StateId::at(index)) - pair[1].state(StateId::at(index))).abs() / scales[index]
-            };
+            let apart = |state: usize| apart(model, &pair[0], &pair[1], StateId::at(state)) / scales[state];
             largest = (0..scales.len()).map(apart).fold(largest, f64::max);
             if largest / DISTURBANCE >= SENSITIVE {
                 break;

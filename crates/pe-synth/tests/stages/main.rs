@@ -50,6 +50,7 @@ mod systems;
 mod tables;
 mod texts;
 mod total_error;
+mod turning;
 mod unit_of_time;
 mod validation;
 mod variants;
