@@ -4,7 +4,7 @@ use pe_ir::codes;
 use pe_ir::model::Solver;
 use pe_ir::source::{Diagnostic, Severity};
 use pe_judge::DesignPoint;
-use pe_judge::check::swings;
+use pe_judge::check::{contradiction, swings};
 use pe_judge::residuals::Residuals;
 
 use crate::pipeline;
@@ -17,6 +17,19 @@ const FACTORS: [f64; 3] = [10.0, 100.0, 1000.0];
 
 /// Error of the method, and of the word, with which another penalty is a cure.
 const ERROR: f64 = 0.05;
+
+/// Refusals that closures may be the cause of that no position closes.
+const HELD: [&str; 9] = [
+    codes::DIVERGED,
+    codes::STEP_TOO_LARGE,
+    codes::OUTSIDE_DOMAIN,
+    codes::COMES_APART,
+    codes::SATURATED,
+    codes::WORD_TOO_SHORT,
+    codes::NO_FORMAT,
+    codes::ACCUMULATOR,
+    codes::ZERO_PIVOT,
+];
 
 /// What refusals mean where another penalty is not refused, in their place: the implicit step of a mechanism lags behind
 /// closures that the penalty hardly feels, and a word that holds a large penalty has few bits for the masses beside it; a mechanism
@@ -31,6 +44,11 @@ pub fn explained(
 ) -> Option<Diagnostic> {
     let mechanism = loaded.model.mechanism.as_ref().filter(|_| loaded.stages.is_none())?;
     let refusal = refusals.iter().find(|finding| finding.severity == Severity::Error)?;
+    // No penalty holds what cannot be held.
+    if let Some(found) = Some(()).filter(|()| HELD.contains(&refusal.code)).and_then(|()| contradiction(&loaded.model))
+    {
+        return Some(found);
+    }
     let implicit = loaded.model.solver == Solver::Trapezoidal;
     // Whether a larger one may help, what is likelier first.
     let smalls: &[bool] = match refusal.code {

@@ -179,7 +179,13 @@ fn what_is_far_from_closed_is_refused() {
     for (mut truss, mut random) in trusses() {
         let mut longer = truss.moved(0.0, 0.0, &mut random);
         longer.rods[0].2 *= 2.5;
-        assert_eq!(refused(&longer.spec()), ["E0417"]);
+        // Rods that make no ring can have any lengths.
+        let ring = longer.rods.len() >= longer.masses.len();
+        match &refused(&longer.spec())[..] {
+            ["E0417"] => {}
+            ["E0928"] => assert!(ring, "{}", longer.spec()),
+            other => panic!("{other:?}\n{}", longer.spec()),
+        }
         // Both ends of a rod leave each other.
         let (one, other, length) = truss.rods[0];
         for axis in [0, 1] {

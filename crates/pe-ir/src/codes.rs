@@ -134,6 +134,7 @@ codes! {
     PENALTY_LARGE = "E0925", "penalty too large for the word";
     COMES_APART = "E0926", "mechanism comes apart";
     BRANCH_LEFT = "E0927", "mechanism leaves its branch";
+    CONTRADICTION = "E0928", "closures that contradict each other";
     DELAY_STEPS = "E0930", "delay and step do not fit together";
     NO_EVENTS = "E0931", "no events to judge by";
     EVENTS_DIFFER = "E0932", "events come at another rate";

@@ -18,6 +18,7 @@ pub mod pivots;
 mod point;
 pub mod progress;
 pub mod proof;
+mod regular;
 pub mod residuals;
 pub mod runs;
 pub mod slots;

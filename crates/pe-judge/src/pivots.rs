@@ -3,46 +3,38 @@
 //! The matrix of a step is `I - gamma h J` in the units of the states, and it is eliminated in a fixed order. A pivot is
 //! 1 for a state that nothing moves and above 1 for one that decays; near zero the step is that of another model.
 
-use std::collections::BTreeMap;
-
 use pe_ir::codes;
 use pe_ir::graph::{Elimination, Pivot, Role, StepGraph, ValueId};
 use pe_ir::index::{StateId, at};
+use pe_ir::mechanism::POINTS;
 use pe_ir::model::Model;
 use pe_ir::source::{Diagnostic, Span};
 use pe_sim::double::DoubleRun;
 
+use crate::regular;
+
 /// Smallest magnitude of a pivot that is accepted, beside the 1 of the identity.
-const SMALLEST: f64 = 1.0 / (1u64 << 20) as f64;
+pub(crate) const SMALLEST: f64 = 1.0 / (1u64 << 20) as f64;
 
 const HELP: &str = "try half of the `--step`; where the model grows, its rate times the step must stay below 1";
 
-const SYSTEM_HELP: &str = "the system is nearly singular there, or needs another order: see `--elimination`; of a symmetric matrix that is \
-                                      not positive definite the order decides, and a matrix declared without `symmetric` may \
-                                      exchange rows";
-
 /// What helps where the pivot of a linear system comes to zero.
 pub(crate) fn help_of_system(model: &Model, pivot: &str) -> String {
-    match velocity_of(model, pivot) {
-        Some(velocity) => format!(
-            "neither a mass nor a closure holds `{velocity}` there: give it a mass, or a closure whose lever does not vanish"
-        ),
-        None => SYSTEM_HELP.to_owned(),
+    match (&model.mechanism, row_of(model, pivot)) {
+        (Some(mechanism), Some(row)) => regular::of_mechanism(model, mechanism, row),
+        _ => regular::of_system(model),
     }
 }
 
-/// The velocity of a mechanism in whose row a pivot is: `w.matrix[3]`, and `ahead[2]` of the implicit step.
-fn velocity_of<'m>(model: &'m Model, pivot: &str) -> Option<&'m str> {
+/// The row of a mechanism's velocity in which a pivot is: of `w.matrix[3]`, and of `ahead[2]` in the implicit step.
+fn row_of(model: &Model, pivot: &str) -> Option<usize> {
     let mechanism = model.mechanism.as_deref()?;
     let (matrix, row) = pivot.strip_suffix(']')?.rsplit_once('[')?;
-    let mut velocities = mechanism.pairs.iter().map(|(_, velocity)| model.states[*velocity].name.as_str());
-    match matrix {
-        "ahead" | "nearer" => velocities.nth(row.parse().ok()?),
-        _ => {
-            let name = format!("{}[{row}]", matrix.strip_suffix(".matrix")?);
-            velocities.find(|velocity| *velocity == name)
-        }
+    if POINTS.contains(&matrix) {
+        return row.parse().ok().filter(|row| *row < mechanism.pairs.len());
     }
+    let name = format!("{}[{row}]", matrix.strip_suffix(".matrix")?);
+    mechanism.pairs.iter().position(|pair| model.states[pair.1].name == name)
 }
 
 /// The eliminations of linear systems with the least and the largest value of each pivot over the span. In: by value, the
@@ -56,15 +48,7 @@ pub(crate) fn ranged(
     arguments: &[(f64, f64)],
 ) -> Result<Vec<Elimination>, Vec<Diagnostic>> {
     let mut eliminations = graph.eliminations.clone();
-    let mut ranges: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
-    for (index, value) in graph.values.iter().enumerate() {
-        let Role::Algebraic(own, _) = value.role else { continue };
-        let (low, high) = arguments[index];
-        if low <= high {
-            let range = ranges.entry(own).or_insert((low, high));
-            *range = (range.0.min(low), range.1.max(high));
-        }
-    }
+    let ranges = regular::ranges(graph, arguments);
     for pivot in eliminations.iter_mut().flat_map(|elimination| &mut elimination.pivots) {
         let Pivot::Varying { reciprocal, range } = pivot else { continue };
         *range = ranges.get(reciprocal).copied();

@@ -83,22 +83,22 @@ fn declared(names: &Names, element: &str) -> Option<Span> {
 type Moved = (Vec<StateId>, Diagnostic);
 
 /// A mechanism where it starts.
-struct Start<'m> {
+pub(super) struct Start<'m> {
     model: &'m Model,
-    mechanism: &'m Mechanism,
+    pub(super) mechanism: &'m Mechanism,
     inputs: Vec<f64>,
     /// Sizes of coordinates, and of velocities: the largest magnitude in the array of each.
-    sizes: (Vec<f64>, Vec<f64>),
+    pub(super) sizes: (Vec<f64>, Vec<f64>),
     /// How fast states move that are no part of the mechanism, zero for all others; none if that is not known of what
     /// closures read.
     others: Option<Vec<f64>>,
 }
 
 /// Numbers of the mechanism at a place.
-struct Numbers {
+pub(super) struct Numbers {
     mass: Vec<f64>,
-    jacobian: Vec<f64>,
-    gaps: Vec<f64>,
+    pub(super) jacobian: Vec<f64>,
+    pub(super) gaps: Vec<f64>,
     drifts: Vec<f64>,
 }
 
@@ -123,11 +123,11 @@ impl<'m> Start<'m> {
         }
     }
 
-    fn size(&self) -> usize {
+    pub(super) fn size(&self) -> usize {
         self.mechanism.pairs.len()
     }
 
-    fn rows(&self) -> usize {
+    pub(super) fn rows(&self) -> usize {
         self.mechanism.gaps.len()
     }
 
@@ -136,7 +136,7 @@ impl<'m> Start<'m> {
     }
 
     /// Parts of the mechanism with the states at these numbers.
-    fn at(&self, states: &[f64]) -> Numbers {
+    pub(super) fn at(&self, states: &[f64]) -> Numbers {
         let place = Place::new(self.model, states, &self.inputs);
         let number = |part: &Expr| part.evaluate(&|variable| place.number(variable));
         let dense = |entries: &[Entry], rows: usize| {
@@ -163,7 +163,7 @@ impl<'m> Start<'m> {
     }
 
     /// The states with coordinates, and if told so velocities, moved by parts of `by`.
-    fn moved(&self, states: &[f64], velocities: bool, part: f64, by: &[f64]) -> Vec<f64> {
+    pub(super) fn moved(&self, states: &[f64], velocities: bool, part: f64, by: &[f64]) -> Vec<f64> {
         let mut moved = states.to_vec();
         for (pair, by) in self.mechanism.pairs.iter().zip(by) {
             moved[if velocities { pair.1 } else { pair.0 }.index()] += part * by;
@@ -190,7 +190,7 @@ impl<'m> Start<'m> {
         Ok((settled, moved))
     }
 
-    fn refused(&self, code: &'static str, message: String, help: impl Into<String>) -> Box<Diagnostic> {
+    pub(super) fn refused(&self, code: &'static str, message: String, help: impl Into<String>) -> Box<Diagnostic> {
         Box::new(Diagnostic::error(code, self.mechanism.span, message).with_help(help))
     }
 
@@ -216,6 +216,16 @@ impl<'m> Start<'m> {
                 "where it starts, nothing holds `{}`: neither a mass nor a closure, the pivot is {pivot:.3e}",
                 of(row)
             );
+            let mass = if largest > 0.0 { 0.01 * largest } else { 1.0 };
+            let mut held =
+                Numbers { mass: masses.clone(), jacobian: numbers.jacobian.clone(), gaps: vec![], drifts: vec![] };
+            held.mass[row * size + row] += mass;
+            let help = match self.factor(&held) {
+                Ok(_) => format!(
+                    "a mass of {mass:.1e} in its row of the mass matrix holds it (tried), or a closure that reads it"
+                ),
+                Err((other, _)) => format!("give it a mass, or a closure that reads it, and `{}` as well", of(other)),
+            };
             return Err(self.refused(codes::NO_MASS, message, help));
         }
         Ok(())
@@ -279,8 +289,6 @@ impl<'m> Start<'m> {
     fn closed(&self, given: &[f64]) -> Result<Vec<f64>, Box<Diagnostic>> {
         let mut states = given.to_vec();
         let mut before = f64::INFINITY;
-        let help = "give coordinates that close the loops: solve them by hand for a position, or make lengths follow from \
-                    the position, as parameters";
         for _ in 0..CORRECTIONS {
             let numbers = self.at(&states);
             let tolerances = self.tolerances(&numbers, &self.sizes.0);
@@ -296,7 +304,7 @@ impl<'m> Start<'m> {
                     self.closure(first.0),
                     first.1
                 );
-                return Err(self.refused(codes::INCONSISTENT_START, message, help));
+                return Err(self.unclosed(given, message));
             }
             before = length;
             states = self.moved(&states, false, -1.0, &correction);
@@ -310,7 +318,7 @@ impl<'m> Start<'m> {
             }
             Some((row, open)) => {
                 let message = format!("inconsistent initial values: closure {} stays at {open:.3e}", self.closure(row));
-                Err(self.refused(codes::INCONSISTENT_START, message, help))
+                Err(self.unclosed(given, message))
             }
         }
     }
@@ -362,7 +370,7 @@ impl<'m> Start<'m> {
     }
 
     /// Values of states in words.
-    fn list(&self, states: &[StateId], values: &[f64]) -> String {
+    pub(super) fn list(&self, states: &[StateId], values: &[f64]) -> String {
         let value = |state: &StateId| format!("{} = {}", self.name(*state), shown(values[state.index()]));
         let named: Vec<String> = states.iter().take(NAMED).map(value).collect();
         let rest = if states.len() > NAMED { format!(" and {} more", states.len() - NAMED) } else { String::new() };
@@ -370,7 +378,7 @@ impl<'m> Start<'m> {
     }
 
     /// A closure's name.
-    fn closure(&self, row: usize) -> String {
+    pub(super) fn closure(&self, row: usize) -> String {
         match &self.mechanism.gaps[row] {
             Expr::Variable(Variable::Algebraic(algebraic)) => {
                 format!("`{}`", self.model.algebraics[at(*algebraic)].name)

@@ -3,6 +3,7 @@
 pub(crate) mod angles;
 pub(crate) mod assemble;
 pub(crate) mod consistent;
+mod contradiction;
 pub(crate) mod delays;
 pub(crate) mod events;
 mod moving;

@@ -29,6 +29,6 @@ mod turns;
 pub use build::{build, build_with};
 pub use elimination::order::Order;
 pub use elimination::scheme::Scheme;
-pub use elimination::system::{orders, schemes};
+pub use elimination::system::{general, orders, schemes};
 pub use forms::StepOptions;
 pub use sampled::coupled;

@@ -9,6 +9,7 @@ use pe_sim::linear::is_affine;
 use super::answer::Check;
 use super::branches;
 use super::causes;
+use super::contradiction::contradiction;
 use super::course;
 use super::losses;
 use super::observed;
@@ -89,7 +90,8 @@ impl Check {
             findings.retain(|finding| finding.code != codes::CHAOTIC);
             findings.extend(question.criteria.permit(vec![swing]).unwrap_or_else(|refused| refused));
         }
-        findings.extend(Residuals::of(model, question.graph, &judged.fixed, &[]).and_then(|of| of.finding(model)));
+        let open = Residuals::of(model, question.graph, &judged.fixed, &[]).and_then(|of| of.finding(model));
+        findings.extend(open.map(|open| contradiction(model).unwrap_or(open)));
         let left = branches::finding(question, judged).map(|left| question.criteria.permit(vec![left]));
         findings.extend(left.into_iter().flat_map(|left| left.unwrap_or_else(|refused| refused)));
         if findings.iter().all(|finding| finding.code != codes::CHAOTIC) {

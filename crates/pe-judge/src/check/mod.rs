@@ -8,6 +8,7 @@ mod answer;
 mod branches;
 mod causes;
 mod closures;
+mod contradiction;
 mod course;
 mod findings;
 mod losses;
@@ -33,6 +34,7 @@ use self::trials::Trials;
 use self::trusted::Trusted;
 
 pub use self::answer::Check;
+pub use self::contradiction::contradiction;
 pub use self::findings::factor;
 pub use self::observed::{Chaos, DeadBand, StepGrowth};
 pub use self::prediction::{Prediction, eigenvalue};
@@ -56,8 +58,9 @@ pub const EXPLAINED: [&str; 10] = [
 ];
 
 /// Findings of the check alone; others come from the runs.
-const OWN: [&str; 15] = [
+const OWN: [&str; 16] = [
     codes::BRANCH_LEFT,
+    codes::CONTRADICTION,
     codes::COMES_APART,
     codes::CLOSURES_OPEN,
     codes::CHATTERING,

@@ -12,6 +12,7 @@ mod arithmetic;
 mod check;
 mod check_limits;
 mod checkers;
+mod contradictions;
 mod counted;
 mod delays;
 mod events;

@@ -4,6 +4,7 @@
 //! no equation is an element of a solution, so that all methods take the model as any other.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use petgraph::algo::maximum_matching;
 use petgraph::graph::{NodeIndex, UnGraph};
@@ -85,11 +86,51 @@ pub fn schemes(model: &Model) -> &'static [Scheme] {
     }
 }
 
+/// The model with all its symmetric matrices general; none if it has no such matrix.
+pub fn general(model: &Model) -> Option<Model> {
+    let mut general = model.clone();
+    let mut known: BTreeMap<u32, Arc<Matrix>> = BTreeMap::new();
+    for algebraic in &mut general.algebraics {
+        if let Expr::Solution(solution) = &mut algebraic.expr {
+            let own = &solution.matrix;
+            let matrix = known.entry(own.number).or_insert_with(|| match own.symmetric {
+                true => Arc::new(Matrix { symmetric: false, ..(**own).clone() }),
+                false => Arc::clone(own),
+            });
+            solution.matrix = Arc::clone(matrix);
+        }
+    }
+    let symmetric = |algebraic: &Algebraic| matches!(&algebraic.expr, Expr::Solution(own) if own.matrix.symmetric);
+    model.algebraics.iter().any(symmetric).then_some(general)
+}
+
 /// Eliminates the linear systems of a model.
 ///
 /// # Errors
 /// `E0821`, `E0822` for matrices without pivots, `E0601` for one that fills in beyond a limit.
 pub fn eliminate(model: &Model, order: Order, scheme: Scheme) -> Result<Eliminated, Vec<Diagnostic>> {
+    eliminated(model, order, scheme).map_err(|findings| {
+        let help = |finding: Diagnostic| match finding.code {
+            codes::NO_PIVOT => finding.with_help(pivots_by(model, scheme)),
+            _ => finding,
+        };
+        findings.into_iter().map(help).collect()
+    })
+}
+
+/// What gives all rows their pivots, as far as it was tried.
+fn pivots_by(model: &Model, scheme: Scheme) -> String {
+    if let Some(order) = Order::ALL.into_iter().find(|order| eliminated(model, *order, scheme).is_ok()) {
+        return format!("`--elimination {}` finds a pivot for each row (tried)", order.name());
+    }
+    if general(model).is_some_and(|general| eliminated(&general, Order::default(), scheme).is_ok()) {
+        return "declare the matrix without `symmetric`: rows are exchanged then, and each has a pivot (tried)"
+            .to_owned();
+    }
+    "the matrix is singular, whatever the order: look for rows that repeat others".to_owned()
+}
+
+fn eliminated(model: &Model, order: Order, scheme: Scheme) -> Result<Eliminated, Vec<Diagnostic>> {
     let mut eliminator = Eliminator {
         given: model,
         model: Model { algebraics: Vec::new(), ..model.clone() },
@@ -299,8 +340,7 @@ impl Eliminator<'_> {
                     matrix.name,
                     first + row as i64
                 );
-                let help = "the matrix is singular, or needs another order: see `--elimination`";
-                Diagnostic::error(codes::NO_PIVOT, span, message).with_help(help)
+                Diagnostic::error(codes::NO_PIVOT, span, message)
             }
             Obstacle::Large => {
                 let message = format!("the matrix `{}` fills in beyond {} entries", matrix.name, largest());
@@ -466,6 +506,5 @@ fn singular(matrix: &Matrix, rows: &BTreeSet<usize>, columns: &BTreeSet<usize>, 
 fn no_pivots(matrix: &Matrix, span: Span) -> Diagnostic {
     let message =
         format!("no order gives each row of the symmetric matrix `{}` a pivot: its diagonal stays zero", matrix.name);
-    let help = "declare the matrix without `symmetric`: then rows are exchanged where the diagonal is zero";
-    Diagnostic::error(codes::NO_PIVOT, span, message).with_help(help)
+    Diagnostic::error(codes::NO_PIVOT, span, message)
 }
