@@ -77,10 +77,11 @@ fn kept(model: &Model, graph: &StepGraph) -> Vec<ValueId> {
     let reciprocals: BTreeSet<u32> = pivots
         .filter_map(|pivot| if let Pivot::Varying { reciprocal, .. } = pivot { Some(*reciprocal) } else { None })
         .collect();
-    let has_range = |name: &str| model.algebraics.iter().any(|own| own.name == name && own.range.is_some());
+    let with_range: BTreeSet<&str> =
+        model.algebraics.iter().filter(|own| own.range.is_some()).map(|own| &*own.name).collect();
     let stated: BTreeSet<u32> = (0u32..)
         .zip(&graph.names.algebraics)
-        .filter(|(_, name)| has_range(name))
+        .filter(|(_, name)| with_range.contains(&***name))
         .map(|(algebraic, _)| algebraic)
         .collect();
     let is_kept = |role: Role| match role {

@@ -1,11 +1,13 @@
 //! The arguments that a table covers, and how they are mapped to -1 .. 1.
 
 use std::borrow::Cow;
+use std::rc::Rc;
 
 use pe_ir::functions::ScalarFunction;
 use pe_ir::word::WordFormat;
 
 use super::fill::filled;
+use super::known::Answers;
 use super::places::{self, Singular};
 use super::scaling::Scaling;
 use crate::kinks::{edges, even_grid, kinks, origins};
@@ -56,6 +58,8 @@ pub(super) struct Domain<'a> {
     pub is_part: bool,
     /// How one octave tells all of it, if it does.
     pub scaling: Option<Scaling>,
+    /// What is known of its tables.
+    pub answers: Rc<Answers>,
 }
 
 /// `z = slope*x + offset`.
@@ -151,8 +155,21 @@ impl<'a> Domain<'a> {
             true => Scaling::of(&function, (low, high), &places, tolerance, format),
             false => None,
         };
-        let (is_scaled, is_part) = (false, false);
-        Ok(Domain { function, low, high, largest, tolerance, blur, features, binary, is_scaled, is_part, scaling })
+        let (is_scaled, is_part, answers) = (false, false, Rc::default());
+        Ok(Domain {
+            function,
+            low,
+            high,
+            largest,
+            tolerance,
+            blur,
+            features,
+            binary,
+            is_scaled,
+            is_part,
+            scaling,
+            answers,
+        })
     }
 
     /// The domain of a function that stands for a part of this one, or for what leads to it: what is tolerated is the
@@ -162,21 +179,21 @@ impl<'a> Domain<'a> {
         let largest = values.filter(|value| value.is_finite()).fold(0.0f64, |largest, value| largest.max(value.abs()));
         let features = places::features(&function, low, high);
         let (blur, binary, function) = (self.blur, self.binary, Cow::Owned(function));
-        let (is_scaled, is_part, scaling) = (self.is_scaled, true, None);
-        Domain { function, low, high, largest, tolerance, blur, features, binary, is_scaled, is_part, scaling }
+        let (is_scaled, is_part, scaling, answers) = (self.is_scaled, true, None, Rc::default());
+        Domain { function, low, high, largest, tolerance, blur, features, binary, is_scaled, is_part, scaling, answers }
     }
 
     /// The same function from one argument to another.
     pub fn between(&self, low: f64, high: f64) -> Domain<'_> {
         let (features, function) = (self.features_between(low, high).to_vec(), Cow::Borrowed(&*self.function));
-        Domain { function, low, high, features, is_part: true, scaling: None, ..*self }
+        Domain { function, low, high, features, is_part: true, scaling: None, answers: Rc::default(), ..*self }
     }
 
     /// The octave of a function that tells all of it.
     pub fn reference(&self, scaling: Scaling) -> Domain<'_> {
         let (low, high) = scaling.arguments();
         let function = Cow::Borrowed(&*self.function);
-        Domain { function, low, high, features: Vec::new(), blur: 0.0, scaling: None, ..*self }
+        Domain { function, low, high, features: Vec::new(), blur: 0.0, scaling: None, answers: Rc::default(), ..*self }
     }
 
     /// The arguments around narrow peaks that lie between two, whichever is larger.

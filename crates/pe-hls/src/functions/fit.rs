@@ -6,6 +6,7 @@ use pe_ir::functions::Segments;
 
 use super::WORDS;
 use super::domain::{Domain, Map};
+use super::known::Asked;
 use super::scaling::Scaling;
 
 /// Highest degree: eight products with the map, the local coordinate and the first factor.
@@ -46,17 +47,26 @@ impl Shape {
 
     /// The same, unless it misses more than so many times what is tolerated.
     pub fn within(domain: &Domain, segments: Segments, most: f64) -> Option<Shape> {
-        let maps = [true, false].map(|whole| domain.uniform(whole));
-        let uniform = Shape::in_layout((domain, segments, most), Layout::Uniform, maps, None);
+        domain.answers.shape(Asked::best(segments), most, || Shape::found(domain, segments, most))
+    }
+
+    /// The same, looked for.
+    fn found(domain: &Domain, segments: Segments, most: f64) -> Option<Shape> {
+        let uniform = domain.answers.shape(Asked::Uniform(segments.index_bits), most, || {
+            let maps = [true, false].map(|whole| domain.uniform(whole));
+            Shape::in_layout((domain, segments, most), Layout::Uniform, maps, None)
+        });
         let maps = domain.octaves(true).zip(domain.octaves(false)).filter(|_| segments.octave_bits > 0);
         let octaves = maps.and_then(|(whole, tight)| {
             Shape::in_layout((domain, segments, most), Layout::Octaves, [whole, tight], uniform)
         });
         let whole = octaves.or(uniform);
         let Some(scaling) = domain.scaling.filter(|scaling| scaling.fits(segments)) else { return whole };
-        let reference = domain.reference(scaling);
-        let one = Shape::with_map((&reference, segments, most), Layout::Uniform, scaling.local(), None);
-        let one = one.map(|shape| Shape { scaling: Some(scaling), ..shape });
+        let one = domain.answers.shape(Asked::Octave(segments.index_bits), most, || {
+            let reference = domain.reference(scaling);
+            let one = Shape::with_map((&reference, segments, most), Layout::Uniform, scaling.local(), None);
+            one.map(|shape| Shape { scaling: Some(scaling), ..shape })
+        });
         let order = |shape: &Shape| {
             let words = (shape.columns() << segments.index_bits) as f64;
             (shape.excess, shape.products() as f64 * (1.0 + words / WORDS))

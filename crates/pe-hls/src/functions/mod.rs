@@ -11,6 +11,7 @@ mod enclosure;
 mod expand;
 mod fill;
 mod fit;
+mod known;
 mod parts;
 mod places;
 mod quotients;
@@ -33,6 +34,7 @@ use pe_ir::word::WordFormat;
 use divisions::divisions;
 use domain::Domain;
 use fit::{Fit, Layout, Shape};
+use known::Known;
 use share::{Family, Rewritten, Shared};
 use uses::Use;
 
@@ -93,12 +95,14 @@ pub fn tabulate(
     format: WordFormat,
     kept: &[ValueId],
 ) -> Result<StepGraph, Vec<Untabled>> {
-    let own = Tabulated::of(graph, arguments, (&Shared::default(), kept), Price::of(format))?;
+    let known = Known::default();
+    let price = Price { known: Some(&known), ..Price::of(format) };
+    let own = Tabulated::of(graph, arguments, (&Shared::default(), kept), price)?;
     let families = share::families(graph, arguments, format);
     if families.is_empty() {
         return Ok(own.graph);
     }
-    let price = Price { format, words: SHARED_WORDS, scaled_from: graph.functions.exact.len() };
+    let price = Price { words: SHARED_WORDS, scaled_from: graph.functions.exact.len(), ..price };
     let with = |shared: &[bool]| {
         let taken: Vec<&Family> =
             families.iter().zip(shared).filter(|(_, taken)| **taken).map(|(family, _)| family).collect();
@@ -130,19 +134,21 @@ pub fn tabulate(
 
 /// What tables are chosen by.
 #[derive(Clone, Copy)]
-struct Price {
+struct Price<'a> {
     /// The words of a step.
     format: WordFormat,
     /// Words of tables that are as good as twice the products.
     words: f64,
     /// The function from which on arguments are scaled anyway.
     scaled_from: usize,
+    /// What is known of functions that were asked for before.
+    known: Option<&'a Known>,
 }
 
-impl Price {
+impl<'a> Price<'a> {
     /// That of tables of functions as they are.
-    fn of(format: WordFormat) -> Price {
-        Price { format, words: WORDS, scaled_from: usize::MAX }
+    fn of(format: WordFormat) -> Price<'a> {
+        Price { format, words: WORDS, scaled_from: usize::MAX, known: None }
     }
 }
 

@@ -11,7 +11,6 @@ use std::collections::{BTreeMap, HashMap};
 use pe_ir::functions::{ScalarFunction, Segments};
 use pe_ir::graph::{Role, StepGraph, ValueId};
 use pe_ir::index::{ChainId, EquationId, List, at};
-use pe_ir::word::WordFormat;
 
 use super::domain::Domain;
 use super::fit::Shape;
@@ -113,7 +112,7 @@ pub(super) struct Cluster<'a> {
 pub(super) fn clusters<'a>(
     functions: &'a [ScalarFunction],
     uses: &[Use],
-    price: Price,
+    price: Price<'a>,
 ) -> Result<Vec<Cluster<'a>>, Vec<(usize, f64)>> {
     let mut of_function: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (index, of) in uses.iter().enumerate() {
@@ -124,7 +123,7 @@ pub(super) fn clusters<'a>(
     let (mut trees, mut errors) = (Vec::new(), Vec::new());
     for (function, members) in of_function {
         let (cells, is_scaled) = (cells(&functions[function], uses, &members), function >= price.scaled_from);
-        let tree = Tree { function: &functions[function], format, cells, is_scaled };
+        let tree = Tree { function: &functions[function], price, cells, is_scaled };
         match tree.grow(most) {
             Ok(nodes) => trees.push((tree.cells, nodes)),
             Err(places) => {
@@ -260,7 +259,7 @@ struct Node<'a> {
 /// The uses of a function as they are divided.
 struct Tree<'a> {
     function: &'a ScalarFunction,
-    format: WordFormat,
+    price: Price<'a>,
     cells: Vec<Cell>,
     /// Whether its arguments are scaled anyway.
     is_scaled: bool,
@@ -282,9 +281,12 @@ impl<'a> Tree<'a> {
 
     fn node(&self, cells: Vec<usize>) -> (Node<'a>, Option<f64>) {
         let shared = self.shared(&cells);
-        let (domain, pole) = match Domain::of(self.function, shared.range, self.format) {
+        let (domain, pole) = match Domain::of(self.function, shared.range, self.price.format) {
             Ok(mut domain) => {
                 domain.is_scaled = self.is_scaled;
+                if let Some(known) = self.price.known {
+                    known.join(&mut domain, self.function, shared.range);
+                }
                 (Some(domain), None)
             }
             Err(place) => (None, Some(place)),
