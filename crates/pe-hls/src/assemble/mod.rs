@@ -85,6 +85,9 @@ fn marked(graph: &StepGraph, values: impl Iterator<Item = ValueId>) -> Vec<bool>
     marked
 }
 
+/// Bits of the longest control word.
+const MOST_BITS: u32 = 128;
+
 struct Assembler<'a> {
     model: &'a Model,
     graph: &'a StepGraph,
@@ -233,8 +236,8 @@ impl Assembler<'_> {
             let format = &self.fixed.format;
             let factors = self.memories.depths[number].factors;
             let words = depth(factors + index::number(distinct.len()));
-            let in_word = Layout::new(&pe.features, format).bits;
-            let indexed = in_word - format.coefficient_bits + index_bits(words);
+            let indexed = Layout::new(&PeFeatures { coefficient_words: words, ..pe.features.clone() }, format).bits;
+            let in_word = indexed - index_bits(words) + format.coefficient_bits;
             // Coefficients differ from round to round; everything else is the same.
             let (period, count) = (self.schedule.period, self.rounds.count);
             let program = |bits: u32, streamed: u32| match count {
@@ -246,6 +249,7 @@ impl Assembler<'_> {
             };
             let memory = cells::rom(words, format.coefficient_bits).equivalent_luts();
             if !pe.features.factor
+                && in_word <= MOST_BITS
                 && program(in_word, format.coefficient_bits) <= program(indexed, index_bits(words)) + memory
             {
                 continue;
