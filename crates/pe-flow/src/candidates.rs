@@ -295,7 +295,15 @@ impl<'a> Candidates<'a> {
             let other = mapping::gathered(&plain.problem, &tables, candidate, &options)?;
             (tables.blocks(&other.mapping) < tables.blocks(&candidate.mapping)).then_some(other)
         });
-        let gathered: Vec<Candidate> = gathered.collect();
+        let mut gathered: Vec<Candidate> = gathered.collect();
+        let best = self.candidates.iter().zip(&self.of).find(|(_, of)| **of == 0).map(|(candidate, _)| candidate);
+        let teams = best.and_then(|best| {
+            let ports = aim.max(best.cost.max_in_degree);
+            let teams = mapping::in_teams(&plain.problem, &tables, &best.mapping, &options(ports))?;
+            (teams.cost.max_in_degree <= ports).then_some(teams)
+        });
+        let fewest = gathered.iter().chain(best).map(|other| tables.blocks(&other.mapping)).min();
+        gathered.extend(teams.filter(|teams| fewest.is_some_and(|fewest| tables.blocks(&teams.mapping) < fewest)));
         self.gathered = gathered.len();
         self.candidates.extend(gathered);
         self.of.resize(self.candidates.len(), 0);

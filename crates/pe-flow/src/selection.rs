@@ -13,6 +13,11 @@ use crate::known::Known;
 /// Look-up tables of a connection: a port of 32 bits more at each end.
 const CONNECTION_LUTS: f64 = 32.0;
 
+/// Cycles that mappings may take, over those of another one, that halve blocks and connections and save so many blocks for
+/// each PE.
+const HALVED_TOLERANCE: f64 = 1.0 + 1.0 / 8.0;
+const SAVED_BLOCKS: f64 = 4.0;
+
 /// Schedules that are this much longer than the shortest are not considered, however few connections they have.
 const PERIOD_TOLERANCE: f64 = 1.02;
 
@@ -107,7 +112,7 @@ pub fn rank(candidates: &[Candidate], schedules: &[Schedule], price: Price, plai
 
 /// Mappings in which equations with the same tables are together, which are the last `gathered` ones, before all others of
 /// an order: the best one if it is no slower than the first, and what it saves in blocks of memory is worth more than its
-/// connections.
+/// connections. One that halves both together, and saves much, may be a little slower.
 pub fn prefer_gathered(
     order: &mut [usize],
     candidates: &[Candidate],
@@ -120,7 +125,12 @@ pub fn prefer_gathered(
         BLOCK_LUTS * f64::from(blocks[index]) + CONNECTION_LUTS * f64::from(candidates[index].cost.connections)
     };
     let time = |index: usize| price.time(schedules[index].period, &candidates[index]);
-    let is_better = |index: &usize| time(*index) <= time(first) && luts(*index) < luts(first);
+    let is_better = |index: &usize| {
+        let slower = time(*index) / time(first);
+        let enough = SAVED_BLOCKS * BLOCK_LUTS * f64::from(candidates[first].mapping.pes);
+        let halved = luts(*index) <= 0.5 * luts(first) && luts(first) - luts(*index) >= enough;
+        slower <= if halved { HALVED_TOLERANCE } else { 1.0 } && luts(*index) < luts(first)
+    };
     let last = candidates.len() - gathered..candidates.len();
     let best = last.filter(is_better).min_by(|a, b| luts(*a).total_cmp(&luts(*b)).then(a.cmp(b)));
     if let Some(place) = best.and_then(|best| order.iter().position(|index| *index == best)) {
@@ -173,6 +183,13 @@ mod tests {
         assert_eq!(first([100; 4], [10, 10, 6, 5]), [2, 0, 1, 3], "connections are worth something");
         assert_eq!(first([100, 100, 101, 101], [10, 10, 8, 4]), [0, 1, 2, 3], "slower");
         assert_eq!(first([100; 4], [10, 2, 10, 10]), [0, 1, 2, 3], "not gathered");
+        assert_eq!(first([100, 100, 112, 112], [100, 100, 52, 40]), [3, 0, 1, 2], "slower, but half of it");
+        assert_eq!(first([100, 100, 113, 113], [100, 100, 40, 40]), [0, 1, 2, 3], "too slow");
+        assert_eq!(first([100, 100, 112, 112], [25, 25, 25, 3]), [3, 0, 1, 2], "half of it, and much");
+        let small = [candidate(100, 1), candidate(100, 1)];
+        let mut order = vec![0, 1];
+        prefer_gathered(&mut order, &small, &[schedule(100), schedule(101)], &[5, 2], (1, PRICE));
+        assert_eq!(order, [0, 1], "half of little");
         let mut order = vec![0, 1];
         prefer_gathered(&mut order, &candidates[..2], &[schedule(9), schedule(9)], &[], (0, PRICE));
         assert_eq!(order, [0, 1], "no tables");

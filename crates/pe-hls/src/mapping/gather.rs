@@ -4,6 +4,8 @@
 //! equations move to PEs that have theirs. The annealer then balances loads and saves connections among the mappings
 //! that keep to that. See `docs/decisions/0103-gathered-tables.md`.
 
+mod teams;
+
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -16,6 +18,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::anneal::{Plan, anneal};
 use super::{Candidate, MapOptions, Problem, SLACK, STRUCTURED_BEGIN, starts};
+
+pub use teams::{TEAMS, in_teams};
 
 /// Base words of a state, and those of a PE beside states and columns.
 const STATE_WORDS: u32 = 2;
@@ -216,6 +220,19 @@ pub fn gathered(problem: &Problem, tables: &Tables, from: &Candidate, options: &
             *place = PeId::at(to);
         }
     }
+    settled(problem, mapping, &permits, options, (TABLES, STREAM))
+}
+
+/// A mapping annealed among those that have equations only where their tables are; none if that leaves a PE without any, or
+/// one with too many input ports.
+fn settled(
+    problem: &Problem,
+    mapping: Mapping,
+    permits: &Permits,
+    options: &MapOptions,
+    (start, stream): (&'static str, u64),
+) -> Option<Candidate> {
+    let pes = mapping.pes;
     let used: BTreeSet<PeId> = mapping.pe_of.iter().copied().collect();
     if used.len() < at(pes) {
         return None;
@@ -226,10 +243,10 @@ pub fn gathered(problem: &Problem, tables: &Tables, from: &Candidate, options: &
     let max_in_degree = options.max_in_degree;
     let plan = Plan { tries: options.tries, hot, spread, caps: (loose, packed), max_in_degree, regions: false };
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
-    rng.set_stream(STREAM);
+    rng.set_stream(stream);
     let start_cost = problem.cost(&mapping);
-    let (mapping, cost) = anneal(problem, &mapping, &plan, Some(&permits), &mut rng);
-    (cost.max_in_degree <= max_in_degree).then_some(Candidate { mapping, cost, start: TABLES, start_cost })
+    let (mapping, cost) = anneal(problem, &mapping, &plan, Some(permits), &mut rng);
+    (cost.max_in_degree <= max_in_degree).then_some(Candidate { mapping, cost, start, start_cost })
 }
 
 #[cfg(test)]

@@ -36,7 +36,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::schedule::Bound;
 use anneal::{Plan, anneal, rank};
-pub use gather::{TABLES, Tables, gathered};
+pub use gather::{TABLES, TEAMS, Tables, gathered, in_teams};
 pub use problem::Problem;
 pub use wires::{WireLength, wire_length};
 

@@ -11,9 +11,10 @@ use super::problem::{CodeId, NONE, Placement, Problem};
 /// How many chains are tried when the most urgent one has to wait for a write or link slot.
 const ALTERNATIVES: usize = 8;
 
-/// Places all chains. `release` bounds the first reads of values from the step before.
-pub(super) fn place(problem: &Problem, release: &[u32]) -> Placement {
-    let mut list = List::new(problem, release);
+/// Places all chains, of those that could start the one with the highest priority first. `release` bounds the first reads of
+/// values from the step before.
+pub(super) fn place(problem: &Problem, priorities: &index::List<CodeId, u32>, release: &[u32]) -> Placement {
+    let mut list = List::new(problem, priorities, release);
     list.receive_inputs();
     for (index, chain) in problem.chains.numbered() {
         if chain.predecessors == 0 {
@@ -46,6 +47,7 @@ struct Pe {
 
 struct List<'a> {
     problem: &'a Problem,
+    priorities: &'a index::List<CodeId, u32>,
     pes: index::List<PeId, Pe>,
     events: Events,
     waiting: index::List<CodeId, u32>,
@@ -61,11 +63,12 @@ struct List<'a> {
 }
 
 impl<'a> List<'a> {
-    fn new(problem: &'a Problem, release: &[u32]) -> Self {
+    fn new(problem: &'a Problem, priorities: &'a index::List<CodeId, u32>, release: &[u32]) -> Self {
         // Nothing may be written before the pause point, so no chain may end in word 0.
         let pes = (0..problem.pes).map(|_| Pe { next_last: 1, ..Pe::default() }).collect();
         List {
             problem,
+            priorities,
             pes,
             events: Events::new(problem.pes),
             waiting: problem.chains.iter().map(|chain| chain.predecessors).collect(),
@@ -134,7 +137,7 @@ impl<'a> List<'a> {
                 break;
             }
             self.pes[pe].coming.pop();
-            self.pes[pe].ready.push((self.problem.chains[chain].priority, Reverse(chain)));
+            self.pes[pe].ready.push((self.priorities[chain], Reverse(chain)));
         }
         let mut earliest = u32::MAX;
         let mut chosen = None;

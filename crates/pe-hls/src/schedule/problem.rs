@@ -253,6 +253,11 @@ impl Problem {
         problem
     }
 
+    /// The chain in the step graph.
+    pub(super) fn original(&self, chain: CodeId) -> ChainId {
+        self.originals[chain].0
+    }
+
     /// Imports that a chain feeds.
     pub(super) fn links(&self, chain: CodeId) -> &[u32] {
         let (begin, end) = self.chains[chain].links;
