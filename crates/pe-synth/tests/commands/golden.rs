@@ -11,7 +11,7 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 /// Models with a golden folder: those that compile in a moment.
-const MODELS: [&str; 20] = [
+const MODELS: [&str; 21] = [
     "atrial3",
     "cortex",
     "harmonic_oscillator",
@@ -29,6 +29,7 @@ const MODELS: [&str; 20] = [
     "rc_ladder",
     "van_der_pol",
     "ventilator",
+    "ventricle",
     "wave6",
     "wave_fdtd",
     "weibel5",
@@ -42,11 +43,17 @@ fn first_options(model: &str) -> Vec<&'static str> {
         "cortex" | "lutchen_breathing" => "100ms",
         "mapk_cascade" => "60s",
         "ventilator" => "6s",
+        "ventricle" => "100us",
         "wave6" | "wave_fdtd" => "2ms",
         _ => "20ms",
     };
-    let judged: &[&str] = if model == "cortex" { &["--judge", "events"] } else { &[] };
-    [&["--pes", "2", "--span", span], judged].concat()
+    let others: &[&str] = match model {
+        "cortex" => &["--judge", "events"],
+        "ventricle" => &["--set", "n=2"],
+        _ => &[],
+    };
+    let pes = if model == "ventricle" { "8" } else { "2" };
+    [&["--pes", pes, "--span", span], others].concat()
 }
 
 fn root() -> PathBuf {
