@@ -233,7 +233,7 @@ fn decision_records_have_the_same_headings() {
             assert!(text.contains(&format!("## {heading}\n")), "{name} lacks {heading}");
         }
         let status = text.lines().nth(2).unwrap_or("");
-        let known = ["Status: accepted", "Status: superseded by ["];
+        let known = ["Status: accepted", "Status: proposed", "Status: superseded by ["];
         assert!(known.iter().any(|known| status.starts_with(known)), "{name} has no status in its third line");
     }
 }
