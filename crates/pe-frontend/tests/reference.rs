@@ -7,9 +7,9 @@ use pe_ir::codes::CODES;
 use std::collections::BTreeMap;
 
 /// Codes whose examples need other files, a command line, the step graph, or more text than a page holds.
-const ELSEWHERE: [&str; 16] = [
+const ELSEWHERE: [&str; 17] = [
     "E0104", "E0105", "E0108", "E0109", "E0110", "E0111", "E0112", "E0113", "E0116", "E0117", "E0118", "E0209",
-    "E0508", "E0509", "W0005", "E0601",
+    "E0412", "E0508", "E0509", "W0005", "E0601",
 ];
 
 /// The one code that is about comments.

@@ -404,8 +404,8 @@ pub const REPLACEMENTS: &[Replacement] = &[
         Address,
         Always,
         "pe.vhd",
-        "write_address               <= bits(control_i, LAYOUT.write.address, WRITE_BITS);",
-        "write_address               <= bits(control_i, LAYOUT.write.address, WRITE_BITS) or (WRITE_BITS - 1 downto 1 => '0') & '1';",
+        "write_steered               <= bits(control_i, LAYOUT.write.address, WRITE_BITS);",
+        "write_steered               <= bits(control_i, LAYOUT.write.address, WRITE_BITS) or (WRITE_BITS - 1 downto 1 => '0') & '1';",
     ),
     (
         Links,
