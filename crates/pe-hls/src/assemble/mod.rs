@@ -70,11 +70,14 @@ pub fn assemble_rounds(
     let ports = assembler.ports();
     let sizes = assembler.memories.depths.iter().zip(&ports);
     limits::check(sizes.map(|(depths, ports)| {
-        [depths.own, depths.base, depths.imported, depths.indices, index::number(ports.len()), 0]
+        [depths.own, depths.base, depths.imported, depths.indices, index::number(ports.len()), 0, 0]
     }))?;
     let mut program = assembler.program(&ports);
+    // An output memory takes a bit more.
+    let bits = |features| Layout::bits_of(features, &fixed.format) + 1;
+    let sizes = program.pes.iter().map(|pe| &pe.features);
+    limits::check(sizes.map(|features| [0, 0, 0, 0, 0, features.coefficient_words, bits(features)]))?;
     variants::choose(&mut program);
-    limits::check(program.pes.iter().map(|pe| [0, 0, 0, 0, 0, pe.features.coefficient_words]))?;
     Ok(program)
 }
 
@@ -84,9 +87,6 @@ fn marked(graph: &StepGraph, values: impl Iterator<Item = ValueId>) -> Vec<bool>
     values.for_each(|value| marked[value.index()] = true);
     marked
 }
-
-/// Bits of the longest control word.
-const MOST_BITS: u32 = 128;
 
 struct Assembler<'a> {
     model: &'a Model,
@@ -236,7 +236,7 @@ impl Assembler<'_> {
             let format = &self.fixed.format;
             let factors = self.memories.depths[number].factors;
             let words = depth(factors + index::number(distinct.len()));
-            let indexed = Layout::new(&PeFeatures { coefficient_words: words, ..pe.features.clone() }, format).bits;
+            let indexed = Layout::bits_of(&PeFeatures { coefficient_words: words, ..pe.features.clone() }, format);
             let in_word = indexed - index_bits(words) + format.coefficient_bits;
             // Coefficients differ from round to round; everything else is the same.
             let (period, count) = (self.schedule.period, self.rounds.count);
@@ -249,7 +249,7 @@ impl Assembler<'_> {
             };
             let memory = cells::rom(words, format.coefficient_bits).equivalent_luts();
             if !pe.features.factor
-                && in_word <= MOST_BITS
+                && in_word < Layout::MOST_BITS
                 && program(in_word, format.coefficient_bits) <= program(indexed, index_bits(words)) + memory
             {
                 continue;

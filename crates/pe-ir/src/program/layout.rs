@@ -161,55 +161,68 @@ pub fn index_bits(n: u32) -> u32 {
     n.max(1).next_power_of_two().trailing_zeros()
 }
 
+/// The widths of all fields by the features of a PE, most significant first; 0 of those that it does not have.
+fn widths(features: &PeFeatures, format: &WordFormat) -> [(FieldName, u32); 32] {
+    use FieldName::*;
+    let own = index_bits(features.own_words);
+    let imports = u32::from(features.imported_words > 0);
+    let imported = if imports > 0 { index_bits(features.imported_words) } else { 0 };
+    let swap = u32::from(features.swap);
+    let ring = u32::from(features.ring_bits > 0);
+    let stored = u32::from(features.coefficient_words > 0);
+    let indexed = u32::from(features.index_words > 0);
+    let octaves = u32::from(features.octave_bits > 0);
+    let index = indexed * index_bits(features.index_words);
+    [
+        (OwnEnable, 1),
+        (OwnSwap, swap),
+        (OwnRing, ring),
+        (OwnAddress, own),
+        (ImportedEnable, imports),
+        (ImportedSwap, swap * imports),
+        (ImportedRing, ring * imports),
+        (ImportedAddress, imported),
+        (Coefficient, (1 - stored) * format.coefficient_bits),
+        (CoefficientAddress, stored * index_bits(features.coefficient_words)),
+        (Close, 1),
+        (BaseEnable, 1),
+        (BaseAddress, index_bits(features.base_words)),
+        (IndexEnable, indexed),
+        (IndexAddress, index),
+        (Shift, index_bits(number(features.shifts.len()))),
+        (WriteOwn, 1),
+        (WriteBase, 1),
+        (WriteFactor, u32::from(features.factor)),
+        (WriteSwap, swap),
+        (WriteRing, ring),
+        (WriteAddress, index_bits(features.write_words())),
+        (WriteIndex, indexed),
+        (WriteOctave, indexed * octaves),
+        (WriteIndexAddress, index),
+        (Show, u32::from(features.shown_words > 0)),
+        (Send, u32::from(features.send)),
+        (ReceiveEnable, imports),
+        (ReceiveSwap, swap * imports),
+        (ReceiveRing, ring * imports),
+        (ReceiveAddress, imported),
+        (Port, index_bits(features.ports)),
+    ]
+}
+
 impl Layout {
+    /// Bits of the longest control word.
+    pub const MOST_BITS: u32 = 128;
+
+    /// Bits of the control word of a PE.
+    pub fn bits_of(features: &PeFeatures, format: &WordFormat) -> u32 {
+        widths(features, format).iter().map(|(_, width)| width).sum()
+    }
+
     /// Derives the layout from the features.
     pub fn new(features: &PeFeatures, format: &WordFormat) -> Layout {
-        use FieldName::*;
-        let own = index_bits(features.own_words);
-        let imports = u32::from(features.imported_words > 0);
-        let imported = if imports > 0 { index_bits(features.imported_words) } else { 0 };
-        let swap = u32::from(features.swap);
-        let ring = u32::from(features.ring_bits > 0);
-        let stored = u32::from(features.coefficient_words > 0);
-        let indexed = u32::from(features.index_words > 0);
-        let octaves = u32::from(features.octave_bits > 0);
-        let index = indexed * index_bits(features.index_words);
-        let widths = [
-            (OwnEnable, 1),
-            (OwnSwap, swap),
-            (OwnRing, ring),
-            (OwnAddress, own),
-            (ImportedEnable, imports),
-            (ImportedSwap, swap * imports),
-            (ImportedRing, ring * imports),
-            (ImportedAddress, imported),
-            (Coefficient, (1 - stored) * format.coefficient_bits),
-            (CoefficientAddress, stored * index_bits(features.coefficient_words)),
-            (Close, 1),
-            (BaseEnable, 1),
-            (BaseAddress, index_bits(features.base_words)),
-            (IndexEnable, indexed),
-            (IndexAddress, index),
-            (Shift, index_bits(number(features.shifts.len()))),
-            (WriteOwn, 1),
-            (WriteBase, 1),
-            (WriteFactor, u32::from(features.factor)),
-            (WriteSwap, swap),
-            (WriteRing, ring),
-            (WriteAddress, index_bits(features.write_words())),
-            (WriteIndex, indexed),
-            (WriteOctave, indexed * octaves),
-            (WriteIndexAddress, index),
-            (Show, u32::from(features.shown_words > 0)),
-            (Send, u32::from(features.send)),
-            (ReceiveEnable, imports),
-            (ReceiveSwap, swap * imports),
-            (ReceiveRing, ring * imports),
-            (ReceiveAddress, imported),
-            (Port, index_bits(features.ports)),
-        ];
-        let bits: u32 = widths.iter().map(|(_, width)| width).sum();
-        assert!(bits <= 128, "control word of {bits} bits");
+        let widths = widths(features, format);
+        let bits = Layout::bits_of(features, format);
+        assert!(bits <= Layout::MOST_BITS, "control word of {bits} bits");
         let mut lsb = bits;
         let mut fields = Vec::new();
         for (name, width) in widths {
