@@ -1,5 +1,7 @@
 //! Positions that close what is open: the least squares of openings, from several places.
 
+use crate::cholesky;
+
 /// Corrections of a position, and what the weight of staying where it is begins with, in parts of the squared openings.
 const CORRECTIONS: usize = 100;
 const STAY: f64 = 0.1;
@@ -84,10 +86,11 @@ fn closest(mut position: Vec<f64>, at: &dyn Fn(&[f64]) -> Openings) -> Result<Ve
             }
         }
         (0..size).for_each(|place| matrix[place * size + place] += stay * squares);
-        if !solve(&mut matrix, &mut right) {
+        if cholesky::factor(&mut matrix, 0.0).is_err() {
             stay *= 8.0;
             continue;
         }
+        cholesky::solve(&matrix, &mut right);
         let next: Vec<f64> = position.iter().zip(&right).map(|(own, by)| own - by).collect();
         let there = at(&next);
         let found = scaled(size, &there);
@@ -99,33 +102,6 @@ fn closest(mut position: Vec<f64>, at: &dyn Fn(&[f64]) -> Openings) -> Result<Ve
         }
     }
     if gaps.iter().all(|gap| gap.abs() <= CLOSED) { Ok(position) } else { Err((squares, openings.gaps)) }
-}
-
-/// Solves with a symmetric matrix that is positive definite, by Cholesky's factor; whether it is.
-fn solve(matrix: &mut [f64], right: &mut [f64]) -> bool {
-    let size = right.len();
-    for row in 0..size {
-        for column in 0..=row {
-            let before: f64 = (0..column).map(|k| matrix[row * size + k] * matrix[column * size + k]).sum();
-            let rest = matrix[row * size + column] - before;
-            if column < row {
-                matrix[row * size + column] = rest / matrix[column * size + column];
-            } else if rest > 0.0 {
-                matrix[row * size + row] = libm::sqrt(rest);
-            } else {
-                return false;
-            }
-        }
-    }
-    for row in 0..size {
-        let known: f64 = (0..row).map(|k| matrix[row * size + k] * right[k]).sum();
-        right[row] = (right[row] - known) / matrix[row * size + row];
-    }
-    for row in (0..size).rev() {
-        let known: f64 = (row + 1..size).map(|k| matrix[k * size + row] * right[k]).sum();
-        right[row] = (right[row] - known) / matrix[row * size + row];
-    }
-    true
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! [`coefficients`], [`place`], [`functions`], [`word`], [`graph`], [`mapping`], [`schedule`], [`memory`], [`program`],
 //! [`verify`], [`text`].
 
+pub mod cholesky;
 pub mod closing;
 pub mod codes;
 pub mod coefficients;

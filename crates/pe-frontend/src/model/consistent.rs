@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use super::moving::{others, reads_coordinates_alone};
 use crate::names::table::{Kind, Names};
 use crate::report::Report;
+use pe_ir::cholesky;
 use pe_ir::codes;
 use pe_ir::index::{StateId, at};
 use pe_ir::mechanism::Mechanism;
@@ -203,7 +204,7 @@ impl<'m> Start<'m> {
         (0..size).for_each(|row| lifted[row * size + row] += 1e-9 * largest);
         let of = |row: usize| self.name(self.mechanism.pairs[row].1);
         let help = "look at the signs and at missing entries of the mass matrix: `w M w` is twice the kinetic energy";
-        if let Err(row) = cholesky(&mut lifted, 0.0) {
+        if let Err(row) = cholesky::factor(&mut lifted, 0.0) {
             let message = format!(
                 "where it starts, the mass matrix is not positive: it fails at the row of `{}`, whose pivot is {:.3e}",
                 of(row),
@@ -246,7 +247,7 @@ impl<'m> Start<'m> {
                 *entry += weight * own[place / size] * own[place % size];
             }
         }
-        match cholesky(&mut matrix, 1e-14) {
+        match cholesky::factor(&mut matrix, 1e-14) {
             Ok(()) => Ok((matrix, weight)),
             Err(row) => Err((row, matrix[row * size + row])),
         }
@@ -262,7 +263,7 @@ impl<'m> Start<'m> {
                 weight * pulls.sum::<f64>()
             })
             .collect();
-        solve(&factor, &mut right);
+        cholesky::solve(&factor, &mut right);
         right
     }
 
@@ -549,39 +550,4 @@ impl<'m> Start<'m> {
 /// A value with so many digits that it is the same when it is read back.
 fn shown(value: f64) -> String {
     if value != 0.0 && !(1e-4..1e6).contains(&value.abs()) { format!("{value:e}") } else { format!("{value}") }
-}
-
-/// The factor below the diagonal of a symmetric matrix, row by row; the row whose pivot is not above a part of what it was.
-fn cholesky(matrix: &mut [f64], part: f64) -> Result<(), usize> {
-    let size = libm::round(libm::sqrt(matrix.len() as f64)) as usize;
-    for row in 0..size {
-        for column in 0..=row {
-            let before: f64 = (0..column).map(|k| matrix[row * size + k] * matrix[column * size + k]).sum();
-            let rest = matrix[row * size + column] - before;
-            if column < row {
-                matrix[row * size + column] = rest / matrix[column * size + column];
-                continue;
-            }
-            let whole = matrix[row * size + row].abs();
-            matrix[row * size + row] = rest;
-            if rest.is_nan() || rest <= part * whole {
-                return Err(row);
-            }
-            matrix[row * size + row] = libm::sqrt(rest);
-        }
-    }
-    Ok(())
-}
-
-/// Solves with a factor.
-fn solve(factor: &[f64], right: &mut [f64]) {
-    let size = right.len();
-    for row in 0..size {
-        let known: f64 = (0..row).map(|k| factor[row * size + k] * right[k]).sum();
-        right[row] = (right[row] - known) / factor[row * size + row];
-    }
-    for row in (0..size).rev() {
-        let known: f64 = (row + 1..size).map(|k| factor[k * size + row] * right[k]).sum();
-        right[row] = (right[row] - known) / factor[row * size + row];
-    }
 }
