@@ -190,6 +190,14 @@ impl Model {
         self.states.numbered().filter_map(|(state, own)| Some((state, own.waits_for()?)))
     }
 
+    /// The same in steps of so many seconds, with signals and lists of steps as they are.
+    pub fn in_steps_of(&self, step: f64) -> Model {
+        let mut model = Model { step, ..self.clone() };
+        model.recount(self.step);
+        model.bound_waits();
+        model
+    }
+
     /// Counts what waits at time zero in steps of the model, in the place of others of so many seconds.
     fn recount(&mut self, before: f64) {
         let ratio = before / self.step;

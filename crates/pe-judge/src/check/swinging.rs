@@ -203,7 +203,7 @@ impl Firm {
 
 /// A mechanism with times the penalty, and a part of the step.
 fn other(model: &Model, penalty: f64, part: f64) -> Model {
-    let mut other = Model { step: model.step / part, ..model.clone() };
+    let mut other = model.in_steps_of(model.step / part);
     if let Some(mechanism) = &mut other.mechanism {
         Arc::make_mut(mechanism).penalty *= penalty;
     }

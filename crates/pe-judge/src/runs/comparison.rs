@@ -288,14 +288,13 @@ impl Graphs {
         // A step that is affine with them as inputs may lack the form: then the method error counts them, too.
         let jumping = jumping.filter(|jumping| pe_hls::step::build_with(jumping, &options).is_ok());
         let jumping = jumping.unwrap_or_else(|| model.clone());
-        let divided =
-            |count: f64| pe_hls::step::build_with(&Model { step: model.step / count, ..jumping.clone() }, &options);
+        let divided = |count: f64| pe_hls::step::build_with(&jumping.in_steps_of(model.step / count), &options);
         let functions = exact.tables.then(|| divided(1.0)).transpose()?;
         let signals = model.with_signals_as_inputs();
         let jumps = covered && inputs::cause(&signals).is_some();
         let seen = model.has_played() && !covered && varying_inputs(model);
         let seen = seen.then(|| pe_hls::step::build_with(&signals, &StepOptions::default())).transpose()?;
-        let one_step = Model { solver: Solver::Rk4, step: model.step / 2.0, ..signals.clone() };
+        let one_step = Model { solver: Solver::Rk4, ..signals.in_steps_of(model.step / 2.0) };
         let one_step = jumps.then(|| pe_hls::step::build_with(&one_step, &StepOptions::default())).transpose()?;
         let (half, quarter) = (divided(2.0)?, divided(4.0)?);
         Ok(Graphs { functions, half, quarter, seen, one_step, model: signals, divided: jumping })

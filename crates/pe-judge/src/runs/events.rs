@@ -27,11 +27,11 @@ pub(super) fn left_out(model: &Model) -> Vec<u64> {
     if !model.has_jumps() {
         return Vec::new();
     }
-    let Ok(graph) = step::build_with(model, &StepOptions::default()) else { return Vec::new() };
     let steps = model.steps();
     if FEWEST * MOST_AROUND > steps {
         return Vec::new();
     }
+    let Ok(graph) = step::build_with(model, &StepOptions::default()) else { return Vec::new() };
     let events = events(model, &graph);
     let share = steps / (2 * MOST_LEFT_OUT * events.len().max(1) as u64);
     let around = (steps / PART).min(share).max(FEWEST);

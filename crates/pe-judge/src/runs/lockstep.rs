@@ -145,7 +145,7 @@ struct Feed {
 
 impl Feed {
     fn new(model: &Model, substeps: u64, sight: Sight) -> Feed {
-        let finer = Model { step: model.step / substeps as f64, ..model.clone() };
+        let finer = model.in_steps_of(model.step / substeps as f64);
         Feed { finer, substeps, sight, continuous: inputs::read_by_continuous_alone(model) }
     }
 

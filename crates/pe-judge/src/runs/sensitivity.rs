@@ -54,7 +54,7 @@ impl Sensitivity {
         if is_affine(model) || model.steps().saturating_mul(6 * graph.macs()) > PRODUCTS {
             return None;
         }
-        let half = Model { step: model.step / 2.0, ..model.clone() };
+        let half = model.in_steps_of(model.step / 2.0);
         let finer = build_with(&half, &StepOptions { form: Some(graph.form), ..StepOptions::default() }).ok()?;
         let mut pair = [DoubleRun::new(graph), DoubleRun::new(graph)];
         let mut fine = [DoubleRun::new(&finer), DoubleRun::new(&finer)];

@@ -23,7 +23,7 @@ impl Exact {
     pub(super) fn tally(&self, model: &Model, graph: &StepGraph, fixed: &FixedPoint) -> Result<Tally, Vec<Diagnostic>> {
         let found = tally::families(model, &self.scales);
         let counted = Counted { model, families: &found.0, of_state: &found.1 };
-        let half = Model { step: model.step / 2.0, ..model.clone() };
+        let half = model.in_steps_of(model.step / 2.0);
         let finer = build_with(&half, &StepOptions { form: Some(graph.form), ..StepOptions::default() })?;
         let mut disturbed = DoubleRun::new(graph);
         // What counts or tells that something holds stands still, and is exact in any word.

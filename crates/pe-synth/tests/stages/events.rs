@@ -325,3 +325,23 @@ fn what_waits_at_time_zero_is_counted_in_the_steps_of_the_run() {
         }
     }
 }
+
+/// Runs with half the step, which designs are judged by, wait as long.
+#[test]
+fn what_waits_at_time_zero_is_no_error_of_the_step() {
+    let folder = Folder::new("events_waiting");
+    for delay in ["0.12", "d"] {
+        let body = format!(
+            "state y = 0\nstate n = 0\nstate d = 0.12\ny' = n - 0.5*y\nn' = 0\nd' = 0\n\
+             when time >= 0 after {delay}, initially {{ n = 1 }}\noutput y, n\n"
+        );
+        fs::write(folder.0.join("waiting.spec"), spec(1e-3, &body)).unwrap();
+        let words = "compile waiting.spec --reference --quiet --no-pictures --message-format json -o out".split(' ');
+        let output = Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(words).current_dir(&folder.0).output().unwrap();
+        assert!(output.status.success(), "after {delay}: {}", String::from_utf8_lossy(&output.stderr));
+        let report = fs::read_to_string(folder.0.join("out/report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        let total = report["error"]["total"].as_f64().unwrap_or_else(|| panic!("{}", report["error"]));
+        assert!(total < 1e-3, "after {delay}: {total}");
+    }
+}
