@@ -306,7 +306,7 @@ fn rows_stay(design: &Design) -> Option<Diagnostic> {
     let (all, ringed) =
         (design.graph.macs(), rings::rings(&design.graph, &design.judged.fixed, rings::Choice::ByCost)?.graph.macs());
     let message = format!(
-        "{} of {all} products of a step move on words of the past: what replaces states reaches no rings",
+        "{} of {all} products of a step move the words of delays on: a host that replaces states needs each of them as a state",
         all - ringed
     );
     let help = "leave `restart` and `states` out of `--host`, or take a longer step";
