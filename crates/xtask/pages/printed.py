@@ -17,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from common import ROOT, built, python_package
@@ -60,10 +61,14 @@ def main():
     program = built()
     with tempfile.TemporaryDirectory() as tools:
         (Path(tools) / "pe-synth").symlink_to(program)
-        for page in pages:
-            before = page.read_text()
+        texts = [page.read_text() for page in pages]
+        if any("python3 models/" in text for text in texts):
+            python_package()
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            renewing = [pool.submit(renewed, text, options.long, f"{tools}:{os.environ['PATH']}") for text in texts]
+        for page, before, done in zip(pages, texts, renewing):
+            after = done.result()
             blocks += len(BLOCK.findall(before))
-            after = renewed(before, options.long, f"{tools}:{os.environ['PATH']}")
             if after == before:
                 continue
             stale += 1

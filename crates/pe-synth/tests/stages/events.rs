@@ -176,7 +176,7 @@ fn all_engines_have_the_same_events() {
             String::from_utf8(output.stdout).unwrap()
         };
         run("compile events.spec --pes 2 --allow E0903 --quiet --no-pictures --message-format json -o out");
-        let told = run("verify out --steps 500 --message-format json");
+        let told = run("verify out --steps 200 --message-format json");
         let told: serde_json::Value = serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"));
         let runs = told["runs"].as_array().unwrap();
         let of_hardware = runs.iter().filter(|run| run["engine"] == "GHDL" && run["live"].as_f64() > Some(0.2)).count();
