@@ -289,7 +289,11 @@ impl<'a> Chooser<'a> {
             Factor::Value(factor) => self.operand_exponent(term) + self.of(factor) + self.format.factor_drop() as i32,
         };
         let finest = self.graph.chain_terms(chain).iter().map(of_term).max().unwrap_or(0);
-        if finest < -100_000 { self.of(chain.write.value) } else { finest }
+        if finest >= -100_000 {
+            return finest;
+        }
+        // Zero has any point: one that no written value has to follow.
+        chain.writes().map(|write| self.of(write.value) - write.weight).min().unwrap_or(0)
     }
 
     /// Bits that hold any sum of the chain, whatever its operands.

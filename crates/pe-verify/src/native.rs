@@ -273,7 +273,15 @@ fn error_of(model: &Model, reference: &Trajectory, states: &[f64], name: &str) -
     run.push(|state| states[state]);
     let run = run.turned(reference, &model.turns());
     let error = reference.deviation(&run).worst(&reference.scales(&quantities)).1;
-    if error.is_finite() { Ok(error) } else { Err(Failure::Mismatch(format!("{name} is not finite"))) }
+    if error.is_finite() {
+        return Ok(error);
+    }
+    let states_named = model.states.iter().zip(states);
+    let lost = states_named.filter(|(_, value)| !value.is_finite()).map(|(state, _)| &state.name).next();
+    Err(Failure::Mismatch(match lost {
+        Some(state) => format!("`{state}` of {name} is not finite"),
+        None => format!("the error of {name} is not finite"),
+    }))
 }
 
 impl Measured {

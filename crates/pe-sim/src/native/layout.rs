@@ -10,7 +10,7 @@ use super::fuse;
 use super::loops::{self, Arranged, Memory, Row};
 use super::order::Order;
 use crate::slots::Slots;
-use crate::tiles::{self, Chain, Term};
+use crate::tiles::{self, Chain, Outcome, Term};
 
 /// Slots at whose multiples rows begin: a line of the cache in single precision.
 const LINE: u32 = 16;
@@ -34,8 +34,14 @@ impl Layout {
             Factor::Coefficient(coefficient) => coefficient,
             Factor::Value(_) => 0.0,
         };
-        let (chains, terms, columns) = slots.chains(graph, |_, _| 0, coefficient, |_, _, write| write.weight);
+        let (mut chains, terms, columns) = slots.chains(graph, |_, _| 0, coefficient, |_, _, write| write.weight);
         let levels = tiles::levels(&chains, &terms, slots.count(), &columns);
+        // The entries of a column stand one after the other: from here on `among` is the slot of the first.
+        for chain in &mut chains {
+            if let Outcome::Choice { among, .. } = &mut chain.outcome {
+                *among = columns.choices[at(*among)];
+            }
+        }
         let mut constants = vec![None; slots.count()];
         let mut shared = vec![false; slots.count()];
         for (index, value) in (0..).zip(&graph.values) {

@@ -30,9 +30,13 @@ output x[1]
 ";
 
 fn bench(path: Option<&Path>) -> Value {
-    let spec = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/van_der_pol/van_der_pol.spec");
+    bench_of("van_der_pol", &["--pes", "2", "--span", "1s", "--steps", "1000"], path)
+}
+
+fn bench_of(model: &str, options: &[&str], path: Option<&Path>) -> Value {
+    let spec = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../models/{model}/{model}.spec"));
     let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
-    command.arg("bench").arg(spec).args(["--pes", "2", "--span", "1s", "--steps", "1000", "--message-format", "json"]);
+    command.arg("bench").arg(spec).args(options).args(["--message-format", "json"]);
     if let Some(path) = path {
         command.env("PATH", path);
     }
@@ -50,6 +54,23 @@ fn native_code_computes_the_same_numbers_in_double_precision_and_near_ones_in_si
     assert!(errors[1] > 0.0 && errors[1] < 1e-3, "{figures}");
     assert!(runs.iter().all(|run| run["us_per_step"].as_f64().unwrap() > 0.0), "{figures}");
     assert_eq!(figures["hardware"]["clock"]["basis"], "assumed", "{figures}");
+}
+
+/// Tables of equal segments and of octaves, few lookups that are written out and many that are listed.
+#[test]
+fn native_code_looks_up_what_tables_hold() {
+    for (model, options) in [
+        ("hodgkin_huxley", &["--steps", "1001"][..]),
+        ("ventilator", &["--steps", "101"]),
+        ("ventricle", &["--set", "n=2", "--span", "25us", "--steps", "5", "--allow", "E0903"]),
+    ] {
+        let figures = bench_of(model, options, None);
+        let runs = figures["computer"]["runs"].as_array().unwrap();
+        let double = runs.iter().filter(|run| run["precision"] == "double");
+        assert!(double.clone().count() > 0, "{model}: {figures}");
+        double.for_each(|run| assert!(run["error"].as_f64().unwrap() < 1e-10, "{model}: {run}"));
+        assert!(runs.iter().all(|run| run["error"].as_f64().unwrap() < 1e-2), "{model}: {figures}");
+    }
 }
 
 #[test]

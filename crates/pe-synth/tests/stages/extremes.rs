@@ -73,6 +73,23 @@ fn numbers_at_the_ends_of_double_precision_compile() {
     }
 }
 
+/// Beside states that move, in every form of a step: what is added to `s` are products with zero alone.
+#[test]
+fn a_state_that_never_moves_has_a_format_with_every_method() {
+    let folder = Folder::new("extremes_rest");
+    for solver in ["euler", "heun", "heun3", "rk4", "ab2", "ab3", "ab4", "rkc5", "implicit_euler", "ros2", "rodas3"] {
+        for rate in ["k*time", "k*a*b", "k*(a - s)", "0"] {
+            let text = spec(&format!(
+                "param k = 0\nstate a = 2\nstate b = 2\nstate s = 0\na' = -a*b*time\nb' = -a*b*time\ns' = {rate}\n\
+                 output a, b, s\n"
+            ));
+            let text = String::from_utf8(text).expect("it is text").replace("solver rk4", &format!("solver {solver}"));
+            let (exit, errors, written) = verdict(&folder, text.as_bytes());
+            assert_eq!((exit, written), (Some(0), true), "{solver}, {rate}: {errors:.1000}");
+        }
+    }
+}
+
 #[test]
 fn what_has_no_value_is_refused_with_expression_state_and_time() {
     let folder = Folder::new("extremes_domains");
