@@ -243,6 +243,10 @@ impl Lifter<'_> {
         if let Some(value) = number.map(|number| function.evaluate(number)).filter(|value| value.is_finite()) {
             return Part::polynomial(Expr::Constant(value));
         }
+        if let Some(sign) = parity(function).filter(|_| begins_negative(&argument.expr)) {
+            let part = self.apply(function, Part { expr: negated(&argument.expr), ..argument });
+            return Part { expr: Expr::scaled(sign, part.expr), ..part };
+        }
         // What has no value there is a variable, so that the run finds it and names it.
         let argument = if number.is_some() { Part::polynomial(self.named(argument)) } else { argument };
         let kinked = matches!(function, Function::Abs | Function::Sign | Function::Floor | Function::Wrap);
@@ -446,6 +450,31 @@ impl Lifter<'_> {
             serial += 1;
         }
         name
+    }
+}
+
+/// What a function of a negated argument is over that of the argument itself: -1 of odd functions, 1 of even ones.
+fn parity(function: Function) -> Option<f64> {
+    match function {
+        Function::Sin | Function::Tan | Function::Asin | Function::Atan | Function::Sinh | Function::Tanh => Some(-1.0),
+        Function::Cos | Function::Cosh | Function::Abs => Some(1.0),
+        _ => None,
+    }
+}
+
+/// Whether the first coefficient of an expression is negative: either an expression or the negated one begins so.
+fn begins_negative(expr: &Expr) -> bool {
+    match expr {
+        Expr::Product(members) => matches!(members[0], Expr::Constant(number) if number < 0.0),
+        Expr::Sum(members) => members.iter().find(|member| member.as_constant().is_none()).is_some_and(begins_negative),
+        _ => false,
+    }
+}
+
+fn negated(expr: &Expr) -> Expr {
+    match expr {
+        Expr::Sum(members) => Expr::sum(members.iter().map(negated).collect()),
+        expr => Expr::scaled(-1.0, expr.clone()),
     }
 }
 
