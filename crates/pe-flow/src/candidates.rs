@@ -155,15 +155,18 @@ impl<'a> Alternative<'a> {
         Some(Alternative::new(Arc::clone(&relayed.graph), Cow::Owned(numbers), relays, Some(relayed)))
     }
 
-    /// A mapping evened out under the pairs that it allows, if that changes it.
-    fn evened(&self, candidate: &Candidate, max_in_degree: u32) -> Option<Candidate> {
+    /// A mapping evened out under the pairs that it allows, where that changes it.
+    fn evened(&self, candidate: &Candidate, max_in_degree: u32) -> Vec<Candidate> {
         if Arc::ptr_eq(&self.optimistic, &self.graph) {
-            return None;
+            return Vec::new();
         }
-        let mapping = even(&self.graph, &self.fixed, &candidate.mapping);
-        let cost = self.problem.cost(&mapping);
-        let useful = mapping != candidate.mapping && cost.max_in_degree <= max_in_degree;
-        useful.then_some(Candidate { mapping, cost, ..candidate.clone() })
+        let mut evened = even(&self.graph, &self.fixed, &candidate.mapping).to_vec();
+        evened.dedup();
+        let useful = evened.into_iter().filter(|mapping| *mapping != candidate.mapping).filter_map(|mapping| {
+            let cost = self.problem.cost(&mapping);
+            (cost.max_in_degree <= max_in_degree).then_some(Candidate { mapping, cost, ..candidate.clone() })
+        });
+        useful.collect()
     }
 
     /// What the runs found, with the values of the relays.
@@ -314,7 +317,7 @@ impl<'a> Candidates<'a> {
     fn add(&mut self, alternative: Alternative<'a>, candidates: Vec<Candidate>, aim: u32) {
         self.starts += candidates.len();
         let evened = |candidate: &Candidate| alternative.evened(candidate, aim.max(candidate.cost.max_in_degree));
-        let evened: Vec<Candidate> = candidates.iter().filter_map(evened).collect();
+        let evened: Vec<Candidate> = candidates.iter().flat_map(evened).collect();
         self.take(alternative, candidates.into_iter().chain(evened));
     }
 

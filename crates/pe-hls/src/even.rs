@@ -2,7 +2,8 @@
 //!
 //! The annealer assumes all pairs that some mapping could allow. Which ones a mapping does allow depends on where the
 //! neighbours of an equation are, so PEs of many imported neighbours end up with more products than it thought. Moves
-//! of single equations to neighbouring PEs take from the PE with most products, as long as that helps.
+//! of single equations to neighbouring PEs take from the PE with most products, as long as that helps: first to PEs with
+//! operands of the same products, then to any that is connected, where small equations that are in no pair fill what is left.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -16,14 +17,17 @@ use crate::pairs;
 /// Moves per PE, at most.
 const MOVES: u32 = 8;
 
-/// Moves equations until the PE with most products cannot be relieved by one more move.
-pub fn even(graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Mapping {
+/// Mappings with equations moved until the PE with most products cannot be relieved by one more move: to PEs with operands
+/// of the same products, and from there to connected ones.
+pub fn even(graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> [Mapping; 2] {
     let mut state = State::new(graph, fixed, mapping);
-    for _ in 0..MOVES * mapping.pes {
-        let Some((equation, to)) = state.best_move() else { break };
-        state.apply(equation, to);
-    }
-    Mapping { pes: mapping.pes, pe_of: state.pe_of }
+    [false, true].map(|connected| {
+        for _ in 0..MOVES * mapping.pes {
+            let Some((equation, to)) = state.best_move(connected) else { break };
+            state.apply(equation, to);
+        }
+        Mapping { pes: mapping.pes, pe_of: state.pe_of.clone() }
+    })
 }
 
 struct State {
@@ -37,6 +41,8 @@ struct State {
     classes: List<EquationId, Vec<Vec<EquationId>>>,
     /// Equations with a class in which an equation occurs.
     readers: List<EquationId, Vec<EquationId>>,
+    /// Equations that an equation reads, or that read it.
+    connected: List<EquationId, Vec<EquationId>>,
 }
 
 impl State {
@@ -49,7 +55,12 @@ impl State {
             single: graph.loads(),
             classes: List::filled(Vec::new(), equations),
             readers: List::filled(Vec::new(), equations),
+            connected: List::filled(Vec::new(), equations),
         };
+        for (read, reader) in graph.dependencies() {
+            state.connected[read].push(reader);
+            state.connected[reader].push(read);
+        }
         for (index, chain) in graph.chains.numbered() {
             for members in pairs::classes(graph, fixed, index) {
                 let source =
@@ -98,18 +109,23 @@ impl State {
 
     /// The move away from the PE with most products that leaves the smallest largest load among the PEs it touches,
     /// then the fewest products; `None` if none of them helps.
-    fn best_move(&self) -> Option<(EquationId, PeId)> {
+    fn best_move(&self, connected: bool) -> Option<(EquationId, PeId)> {
         let (worst, load) = self.loads.numbered().max_by_key(|(pe, load)| (**load, Reverse(*pe)))?;
         let members = &self.members[worst];
         if members.len() < 2 {
             return None;
         }
         let mut best: Option<((i64, i64), (EquationId, PeId))> = None;
-        for equation in members {
-            let nearby = self.classes[*equation].iter().flatten().chain(&self.readers[*equation]);
-            let mut places: Vec<PeId> = nearby.map(|other| self.pe_of[*other]).collect();
+        let places = |others: &mut dyn Iterator<Item = &EquationId>| {
+            let mut places: Vec<PeId> = others.map(|other| self.pe_of[*other]).collect();
             places.sort_unstable();
             places.dedup();
+            places
+        };
+        let around = places(&mut members.iter().filter(|_| connected).flat_map(|member| &self.connected[*member]));
+        for equation in members {
+            let near = || places(&mut self.classes[*equation].iter().flatten().chain(&self.readers[*equation]));
+            let places = if connected { around.clone() } else { near() };
             for to in places.into_iter().filter(|to| *to != worst) {
                 let changes = self.changes(*equation, to);
                 let loads = changes.iter().map(|(pe, change)| self.loads[*pe] + change);
