@@ -141,6 +141,8 @@ pub fn prefer_gathered(
 #[cfg(test)]
 mod tests {
     use pe_ir::mapping::{Mapping, MappingCost};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     use super::*;
 
@@ -229,5 +231,58 @@ mod tests {
         assert_eq!(first(Pipeline::Deep, &ports, &[100, 70, 70]), 1);
         let few = [with_ports(100, 50, 3), with_ports(100, 49, 15)];
         assert_eq!(first(Pipeline::Deep, &few, &[100, 100]), 1, "up to the usual number they are free");
+    }
+
+    /// What decision 0115 says of a choice, by itself: the first candidate by time and connections.
+    fn as_decided(candidates: &[Candidate], periods: &[u32], pipeline: Pipeline) -> usize {
+        let times: Vec<f64> = (candidates.iter().zip(periods))
+            .map(|(candidate, period)| {
+                let ports = candidate.cost.max_in_degree;
+                let cells = if ports > 15 { libm::pow(1.02, libm::log2(f64::from(ports) / 15.0)) } else { 1.0 };
+                f64::from(*period) * cells * slower_with_ports(pipeline, ports)
+            })
+            .collect();
+        let fastest = times.iter().copied().fold(f64::INFINITY, f64::min);
+        let within = (0..candidates.len()).filter(|index| times[*index] <= 1.02 * fastest);
+        let product = |index: &usize| times[*index] * f64::from(candidates[*index].cost.connections);
+        within.min_by(|one, other| product(one).total_cmp(&product(other))).expect("the fastest is among them")
+    }
+
+    #[test]
+    fn a_rank_that_knows_ports_cycles_or_connections_wrongly_is_found_out() {
+        let schedule =
+            |period: &u32| Schedule { period: *period, starts: List::new(), order: Vec::new(), transfers: Vec::new() };
+        let first = |candidates: &[Candidate], periods: &[u32], pipeline| {
+            let schedules: Vec<Schedule> = periods.iter().map(schedule).collect();
+            rank(candidates, &schedules, Price(pipeline), candidates.len())[0]
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut random = |below: u32| rng.random_range(0..below);
+        // Faults of what the rank is told: no price of ports, that of half as many, no connections, the same cycles, and the
+        // ports of another candidate.
+        let mut missed = [0; 5];
+        const CASES: usize = 400;
+        for case in 0..CASES {
+            let pipeline = Pipeline::ALL[case % 2];
+            let count = 2 + random(5) as usize;
+            let of: Vec<(u32, u32)> = (0..count).map(|_| (40 + random(30), 2 + random(80))).collect();
+            let candidates: Vec<Candidate> =
+                of.iter().map(|(connections, ports)| with_ports(90, *connections, *ports)).collect();
+            let periods: Vec<u32> = (0..count).map(|_| 100 + random(12)).collect();
+            let decided = as_decided(&candidates, &periods, pipeline);
+            assert_eq!(first(&candidates, &periods, pipeline), decided, "{of:?} {periods:?} {pipeline:?}");
+            let told = |ports: &dyn Fn(usize) -> u32, connections: &dyn Fn(usize) -> u32, periods: &[u32]| {
+                let told: Vec<Candidate> =
+                    (0..count).map(|index| with_ports(90, connections(index), ports(index))).collect();
+                usize::from(first(&told, periods, pipeline) != decided)
+            };
+            let (connections, ports) = (|index: usize| of[index].0, |index: usize| of[index].1);
+            missed[0] += told(&|_| 1, &connections, &periods);
+            missed[1] += told(&|index| of[index].1 / 2, &connections, &periods);
+            missed[2] += told(&ports, &|_| 1, &periods);
+            missed[3] += told(&ports, &connections, &vec![100; count]);
+            missed[4] += told(&|index| of[(index + 1) % count].1, &connections, &periods);
+        }
+        assert!(missed.iter().all(|missed| 10 * missed > CASES), "{missed:?} of {CASES} faults change the choice");
     }
 }
