@@ -93,6 +93,14 @@ impl<'a> Alternative<'a> {
         Some((Alternative { least, ..routed }, Candidate { mapping, cost, ..candidate }))
     }
 
+    /// The mapping that the step was cut for, if there is one for the number of PEs that is asked for.
+    fn on_grid(&self, network: &Network, options: &MappingOptions) -> Option<Candidate> {
+        let mapping = mapping::placed(&self.graph)?;
+        let cost = self.problem.cost(&mapping);
+        let fits = network.pes.is_none_or(|pes| pes == mapping.pes) && cost.max_in_degree <= options.most_ports();
+        fits.then_some(Candidate { mapping, cost, start: mapping::GRID, start_cost: cost })
+    }
+
     /// Mappings of the alternative, and mappings from which routes over other PEs lead to such with as many ports as aimed at.
     ///
     /// More ports are a cost and no limit, unless the user set it: where the aim binds, mappings are annealed without one, too.
@@ -243,6 +251,12 @@ impl<'a> Candidates<'a> {
             set.of_given(alternative, candidate);
             return Ok(set);
         }
+        let first = plain.take().expect("not mapped yet");
+        if let Some(candidate) = first.on_grid(network, options) {
+            set.add(first, vec![candidate], aim);
+            return Ok(set);
+        }
+        plain = Some(first);
         // Relays would take away what a stage loop saves.
         let looped = LazyCell::new(|| options.stage_loop != StageLoop::Off && Rounds::of(graph, fixed).is_some());
         let first = plain.as_ref().expect("not mapped yet");

@@ -144,7 +144,7 @@ pub fn prepare(
 ) -> Result<Prepared, Failure> {
     let Settings { criteria, mapping: mapping_options, seed } = settings;
     let (file, pes) = given_mapping(loaded, mapping_options, point.pes)?;
-    let graph = step_for(loaded, point, mapping_options, pes, watch)?;
+    let graph = step_for(loaded, point, mapping_options, (file.as_ref(), pes), watch)?;
     let named = |graph: &StepGraph| -> Result<_, Failure> {
         file.as_ref().map(|file| candidates::given(file, graph, mapping_options.ports())).transpose()
     };
@@ -468,16 +468,16 @@ pub fn step(
     mapping_options: &MappingOptions,
     watch: &mut Stopwatch,
 ) -> Result<StepGraph, Failure> {
-    let (_, pes) = given_mapping(loaded, mapping_options, point.pes)?;
-    step_for(loaded, point, mapping_options, pes, watch)
+    let (file, pes) = given_mapping(loaded, mapping_options, point.pes)?;
+    step_for(loaded, point, mapping_options, (file.as_ref(), pes), watch)
 }
 
-/// The same where the number of PEs is known: a mapping file may be a pipe, which can be read once only.
+/// The same where the mapping file is read: it may be a pipe, which can be read once only.
 fn step_for(
     loaded: &LoadedModel,
     point: &DesignPoint,
     mapping_options: &MappingOptions,
-    pes: Option<u32>,
+    (file, pes): (Option<&MappingFile>, Option<u32>),
     watch: &mut Stopwatch,
 ) -> Result<StepGraph, Failure> {
     let format = point.format(&loaded.model).map_err(Failure::Usage)?;
@@ -486,7 +486,7 @@ fn step_for(
     if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
         return Ok(graph);
     }
-    let graph = sized::for_pes(&graph, pes, mapping_options, format).unwrap_or(graph);
+    let graph = sized::for_pes(&graph, pes, file, mapping_options, format).unwrap_or(graph);
     Ok(sums::cut(&graph, &format).unwrap_or(graph))
 }
 

@@ -33,7 +33,7 @@ impl Price {
     }
 
     /// The time of so many cycles.
-    fn time(self, cycles: u32, candidate: &Candidate) -> f64 {
+    pub(crate) fn time(self, cycles: u32, candidate: &Candidate) -> f64 {
         let (ports, usual) = (f64::from(candidate.cost.max_in_degree), f64::from(MapOptions::DEFAULT_MAX_IN_DEGREE));
         let doublings = libm::log2(ports.max(usual) / usual);
         let slower = slower_with_ports(self.0, candidate.cost.max_in_degree);

@@ -9,6 +9,7 @@ pub mod even;
 pub mod formats;
 pub mod functions;
 pub mod fuse;
+pub mod grid;
 pub mod kinks;
 pub mod lift;
 pub mod mapping;

@@ -25,6 +25,7 @@ pub const PASSES: &[Pass] = &[
     pass("step", "Model", "StepGraph", "writes one step of the method as chains of products"),
     pass("functions", "StepGraph", "StepGraph", "replaces functions by function tables"),
     pass("split", "StepGraph", "StepGraph", "splits heavy equations into partial sums"),
+    pass("grid", "StepGraph", "StepGraph", "cuts sums over nearly everything to suit a grid of PEs"),
     pass("shorten", "StepGraph", "StepGraph", "evaluates polynomials of tables with squares where latency binds"),
     pass("sums", "StepGraph", "StepGraph", "cuts sums that the accumulator does not hold"),
     pass("two_slots", "StepGraph", "StepGraph", "gives coefficients a second issue slot on request"),

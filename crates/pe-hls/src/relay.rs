@@ -67,7 +67,7 @@ impl<'a> Copies<'a> {
     /// Adds a relay, named after an equation.
     pub(crate) fn relay(&mut self, named: &Equation, infix: &str, number: u32) -> EquationId {
         let name = format!("{}{infix}{number}", named.name);
-        self.relayed.equations.push(Equation { name, span: named.span })
+        self.relayed.equations.push(Equation { name, span: named.span, place: None })
     }
 
     /// The copy that a relay of this number makes of `original` by reading `source`, which is that value or another copy of

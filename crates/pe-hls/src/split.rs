@@ -69,7 +69,7 @@ pub fn split(graph: &StepGraph, pes: u32, max_in_degree: u32, latency: Latency) 
 }
 
 /// Equations with lookups, which stay whole: only the PE that computes the argument of a table can look it up.
-fn tabled(graph: &StepGraph) -> List<EquationId, bool> {
+pub(crate) fn tabled(graph: &StepGraph) -> List<EquationId, bool> {
     let mut tabled = List::filled(false, graph.equations.len());
     for lookup in &graph.functions.lookups {
         tabled[graph.value(lookup.argument).equation.expect("arguments of tables are computed")] = true;
@@ -78,7 +78,7 @@ fn tabled(graph: &StepGraph) -> List<EquationId, bool> {
 }
 
 /// For each equation the number of others and inputs that it reads.
-fn sources(graph: &StepGraph) -> List<EquationId, u32> {
+pub(crate) fn sources(graph: &StepGraph) -> List<EquationId, u32> {
     let mut counts = List::filled(0, graph.equations.len());
     for (_, reader) in graph.dependencies() {
         counts[reader] += 1;
@@ -209,10 +209,10 @@ impl<'n> Splitter<'n> {
     }
 
     fn new_equation(&mut self, equation: EquationId, position: Option<usize>) -> EquationId {
-        let Equation { name, span } = self.graph.equations[equation].clone();
+        let Equation { name, span, .. } = self.graph.equations[equation].clone();
         let part = self.names.parts.entry(equation).or_default();
         *part += 1;
-        let partial = self.graph.equations.push(Equation { name: format!("{name}.part{part}"), span });
+        let partial = self.graph.equations.push(Equation { name: format!("{name}.part{part}"), span, place: None });
         self.parents.push(equation);
         if let Some(position) = position {
             self.partials.insert((equation, position), partial);

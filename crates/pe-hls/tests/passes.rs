@@ -15,8 +15,8 @@ use pe_hls::rounding::{self, Aim, Sampling};
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_hls::{
-    assemble, even, functions, fuse, lift, outputs, pairs, relay, rings, route, schedule, shorten, split, step, sums,
-    two_slots,
+    assemble, even, functions, fuse, grid, lift, outputs, pairs, relay, rings, route, schedule, shorten, split, step,
+    sums, two_slots,
 };
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
@@ -259,6 +259,15 @@ fn split_makes_trees_of_heavy_equations() {
         let latency = Latency::of(&case.format());
         let split = split::split(&case.graph(), case.option("pes", 2), case.option("max_in_degree", 15), latency);
         step_or_unchanged(split.as_ref())
+    });
+}
+
+#[test]
+fn grid_cuts_sums_over_nearly_everything() {
+    check("grid", |case| {
+        let latency = Latency::of(&case.format());
+        let on_grid = grid::grid(&case.graph(), case.option("pes", 4), case.option("max_in_degree", 15), latency);
+        step_or_unchanged(on_grid.as_ref().map(|on_grid| &on_grid.graph))
     });
 }
 

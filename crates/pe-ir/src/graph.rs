@@ -8,7 +8,7 @@ use std::fmt;
 use std::ops::Range;
 
 use crate::functions::{Functions, Lookup, Scaled};
-use crate::index::{self, ChainId, EquationId, List, StateId, at};
+use crate::index::{self, ChainId, EquationId, List, PeId, StateId, at};
 use crate::model::Model;
 use crate::source::Span;
 use crate::word::{Latency, WordFormat};
@@ -237,6 +237,8 @@ pub struct Equation {
     pub name: String,
     /// Where the spec states it.
     pub span: Span,
+    /// The PE that it was made for, where a step was cut to suit a mapping, which may begin with that.
+    pub place: Option<PeId>,
 }
 
 /// One solver step.

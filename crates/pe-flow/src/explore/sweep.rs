@@ -447,7 +447,7 @@ impl Sweep {
         let (mut graph, mut judged, mut total) = (Arc::clone(graph), Arc::clone(judged), total.clone());
         // Heavy equations are split differently for every number of PEs, and tables shortened; then nothing is shared.
         let words = point.format(&loaded.model).map_err(|text| failed(Failure::Usage(text)))?;
-        if let Some(split) = sized::for_pes(&base.stepped.graph, point.pes, &self.settings.mapping, words) {
+        if let Some(split) = sized::for_pes(&base.stepped.graph, point.pes, None, &self.settings.mapping, words) {
             let stepped = pipeline::run(loaded, split, &mut Stopwatch::silent()).map_err(failed)?;
             let (of_split, judged_split) = self.judged(base, &stepped, point)?;
             total = self.total(base, &judged_split, point, &Cell::new(0.0), sender);

@@ -28,7 +28,7 @@ mod wires;
 use std::fmt;
 
 use pe_ir::graph::StepGraph;
-use pe_ir::index::{EquationId, PeId, number};
+use pe_ir::index::{EquationId, List, PeId, number};
 use pe_ir::mapping::{Mapping, MappingCost};
 use pe_ir::word::Latency;
 use rand::SeedableRng;
@@ -142,6 +142,8 @@ pub const RANDOM: &str = "random";
 pub const REGIONS: &str = "regions";
 /// Stream of the random numbers of its annealing.
 const REGIONS_STREAM: u64 = 2;
+/// Name of the mapping that a step was cut for.
+pub const GRID: &str = "grid";
 /// Name of the start of a mapping that is given.
 pub const GIVEN: &str = "given";
 
@@ -229,6 +231,18 @@ pub fn given(problem: &Problem, mapping: &Mapping, max_in_degree: u32) -> Result
         return Err(in_degree_error(problem, mapping, max_in_degree));
     }
     Ok(Candidate { mapping: mapping.clone(), cost, start: GIVEN, start_cost: cost })
+}
+
+/// The mapping of a step that was cut to suit one: that of the places that its equations have, if all have one and no PE is
+/// without.
+pub fn placed(graph: &StepGraph) -> Option<Mapping> {
+    let pe_of: Option<List<EquationId, PeId>> = graph.equations.iter().map(|equation| equation.place).collect();
+    let pe_of = pe_of?;
+    let mut used: Vec<PeId> = pe_of.iter().copied().collect();
+    used.sort_unstable();
+    used.dedup();
+    let pes = number(used.len());
+    (used.last().map(|last| last.index() + 1) == Some(used.len())).then_some(Mapping { pes, pe_of })
 }
 
 /// The error about the PE of a mapping with the largest in-degree.

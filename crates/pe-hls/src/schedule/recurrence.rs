@@ -224,7 +224,7 @@ pub(super) mod tests {
             let products = operands.iter().map(plain).chain(nested).collect();
             chain(state as u32, products, count + state as u32, Some(state as u32));
         }
-        let equation = |state: u32| Equation { name: format!("x{state}"), span: Span::default() };
+        let equation = |state: u32| Equation { name: format!("x{state}"), span: Span::default(), place: None };
         StepGraph {
             form: StageForm::Euler,
             stages: 1,

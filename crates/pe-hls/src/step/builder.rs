@@ -161,7 +161,7 @@ impl Builder {
         };
         for (index, state) in model.states.iter().enumerate() {
             let number = StateId::at(index);
-            let equation = graph.equations.push(Equation { name: state.name.clone(), span: state.span });
+            let equation = graph.equations.push(Equation { name: state.name.clone(), span: state.span, place: None });
             let start = push(&mut graph, Role::State(number), equation, false);
             let next = push(&mut graph, Role::Next(number), equation, false);
             graph.states.push((start, next));
@@ -172,7 +172,7 @@ impl Builder {
         }
         for (index, algebraic) in model.algebraics.iter().enumerate() {
             // Unused ones go again when the graph is pruned.
-            graph.equations.push(Equation { name: algebraic.name.clone(), span: algebraic.span });
+            graph.equations.push(Equation { name: algebraic.name.clone(), span: algebraic.span, place: None });
             debug_assert_eq!(graph.equations.len(), model.states.len() + index + 1);
         }
         let states = model.states.len();
@@ -310,7 +310,8 @@ impl Builder {
 
     /// The value to publish of an output that is an input.
     pub(super) fn published_input(&mut self, index: usize, output: &Output, input: u32) -> ValueId {
-        let equation = self.graph.equations.push(Equation { name: output.name.clone(), span: output.span });
+        let equation =
+            self.graph.equations.push(Equation { name: output.name.clone(), span: output.span, place: None });
         let value = push(&mut self.graph, Role::Published(index::number(index)), equation, false);
         let operand = self.graph.inputs[at(input)];
         let terms = vec![Term::new(operand, Factor::Coefficient(1.0))];

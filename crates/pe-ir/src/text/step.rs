@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use crate::functions::{Lookup, ScalarFunction, Segments, Table};
 use crate::graph::{Chain, Equation, Factor, FormCost, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use crate::index::{self, EquationId, List, StateId};
+use crate::index::{self, EquationId, List, PeId, StateId};
 use crate::model::Variable;
 use crate::verify;
 
@@ -111,7 +111,9 @@ impl Printer<'_> {
             writeln!(f, "output {label} value {}", value(*output))?;
         }
         for (index, equation) in graph.equations.iter().enumerate() {
-            writeln!(f, "equation {}", called(&self.labels.equations, index, &equation.name))?;
+            write!(f, "equation {}", called(&self.labels.equations, index, &equation.name))?;
+            equation.place.map_or(Ok(()), |pe| write!(f, " place {pe}"))?;
+            writeln!(f)?;
         }
         for (index, stored) in graph.values.iter().enumerate() {
             write!(f, "value {} {}", self.labels.values.text(index::number(index)), self.role(stored.role))?;
@@ -395,7 +397,9 @@ impl Lists {
             "auxiliary" => graph.names.auxiliaries.push(read_called(line)?),
             "equation" => {
                 let span = line.span();
-                graph.equations.push(Equation { name: read_called(line)?, span });
+                let name = read_called(line)?;
+                let place = line.take_word("place").then(|| line.integer()).transpose()?.map(PeId::new);
+                graph.equations.push(Equation { name, span, place });
             }
             "value" => {
                 line.name("a name")?;

@@ -24,6 +24,7 @@ mod full_size;
 mod functions;
 mod ghdl;
 mod goals;
+mod grids;
 mod headroom;
 mod inputs;
 mod library;

@@ -139,7 +139,7 @@ fn an_aim_of_ports_is_a_cost_and_what_a_mapping_does_beyond_it_is_told_and_read_
         (60, 20, "30", "short"),
         (80, 5, "20", "short"),
         (40, 30, "40", "deep"),
-        (60, 40, "20", "deep"),
+        (80, 14, "40", "deep"),
     ]) {
         let (spec, out, map) = (path("random.spec"), path("out"), path("random.map"));
         std::fs::write(&spec, random_spec(states, reads, seed)).unwrap();

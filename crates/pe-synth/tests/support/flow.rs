@@ -1,6 +1,7 @@
 //! A random model taken through the stages, so that a test can look at every result on the way.
 
 use pe_hls::formats::{self, Ranges};
+use pe_hls::grid::{OnGrid, grid};
 use pe_hls::mapping::{MapOptions, Problem};
 use pe_hls::pairs;
 use pe_hls::relay::relay;
@@ -178,6 +179,15 @@ impl Flow {
         let cost = Problem::of(&relayed.graph).cost(&mapping);
         assert_clean(&label, &verify::mapping::check(&relayed.graph, &mapping, &cost, ports));
         Some(Flow::mapped(label, model.clone(), StepGraph::clone(&relayed.graph), numbers, mapping))
+    }
+
+    /// A model on a grid of PEs with so many ports, if a grid does.
+    pub fn on_grid(label: String, model: Model, (pes, ports): (u32, u32), format: WordFormat) -> Option<Flow> {
+        let OnGrid { graph, mapping, cost, .. } = grid(&stage_by_stage(&model), pes, ports, Latency::of(&format))?;
+        let graph = pe_hls::sums::cut(&graph, &format).unwrap_or(graph);
+        let fixed = settled(&label, &model, &graph, format);
+        assert_clean(&label, &verify::mapping::check(&graph, &mapping, &cost, ports));
+        Some(Flow::mapped(label, model, graph, fixed, mapping))
     }
 
     /// The same design with one round of control words for all stages, if these are alike.
