@@ -46,8 +46,9 @@ pub struct OnGrid {
 pub fn grid(graph: &StepGraph, pes: u32, ports: u32, latency: Latency) -> Option<OnGrid> {
     let rows = rows(graph, pes, ports)?;
     let read = inputs(graph, &rows);
+    let work = Work::of(graph, &rows);
     let mut shapes = shapes(pes, ports, number(read.len()));
-    shapes.sort_by_cached_key(|shape| (shape.estimate(graph, &rows, latency), shape.ports(), shape.clone()));
+    shapes.sort_by_cached_key(|shape| (shape.estimate(&work, latency), shape.ports(), shape.clone()));
     let made = shapes.iter().take(MADE).filter_map(|shape| {
         let graph = shape.applied(graph, &rows);
         let mapping = placed(&graph)?;
@@ -71,6 +72,24 @@ fn rows(graph: &StepGraph, pes: u32, ports: u32) -> Option<Vec<EquationId>> {
     };
     let dense = 2 * of(&mut rows.iter().copied()) >= of(&mut loads.ids());
     (pes > ports && rows.len() > 1 && dense).then_some(rows)
+}
+
+/// What there is to compute.
+struct Work {
+    /// Products of the step.
+    products: u64,
+    /// Chains of rows.
+    chains: u64,
+    /// Number of rows.
+    rows: usize,
+}
+
+impl Work {
+    fn of(graph: &StepGraph, rows: &[EquationId]) -> Work {
+        let of_rows = graph.chains.iter().filter(|chain| rows.binary_search(&chain.equation).is_ok());
+        let products = graph.loads().iter().map(|load| u64::from(*load)).sum();
+        Work { products, chains: of_rows.count() as u64, rows: rows.len() }
+    }
 }
 
 /// A digit of the numbers of groups.
@@ -148,19 +167,17 @@ impl Shape {
     }
 
     /// Cycles of a step, about: what PEs issue, or what the longest way takes, and a part of it for what they wait.
-    fn estimate(&self, graph: &StepGraph, rows: &[EquationId], latency: Latency) -> u64 {
-        let loads = graph.loads();
-        let products: u64 = loads.iter().map(|load| u64::from(*load)).sum();
-        let chains = graph.chains.iter().filter(|chain| rows.binary_search(&chain.equation).is_ok()).count() as u64;
-        let stages = (chains / rows.len() as u64).max(1);
+    fn estimate(&self, work: &Work, latency: Latency) -> u64 {
+        let &Work { products, chains, rows } = work;
+        let stages = (chains / rows as u64).max(1);
         // The largest parts are those of the most rows, and of the most of what these read.
-        let largest = |of: u32| (rows.len().div_ceil(at(of)) * at(of)) as f64 / rows.len() as f64;
+        let largest = |of: u32| (rows.div_ceil(at(of)) * at(of)) as f64 / rows as f64;
         let products = (products as f64 * largest(self.groups()) * largest(self.members)) as u64;
         let apart = if self.inputs_at_home { 0 } else { chains * u64::from(self.inputs) / u64::from(self.members) };
         let issued = (products + chains * u64::from(self.groups() - 1)).div_ceil(u64::from(self.pes())) + apart;
         let hops: u32 = self.levels.iter().map(|level| level.hops()).sum();
         let hop = u64::from(latency.write() + Latency::SEND_TO_RECEIVE + Latency::WRITE_TO_READ);
-        let chain = rows.len().div_ceil(at(self.groups())) as u64;
+        let chain = rows.div_ceil(at(self.groups())) as u64;
         let way = stages * (chain + u64::from(hops + 1) * hop);
         8 * issued.max(way) + way
     }
