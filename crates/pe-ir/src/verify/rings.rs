@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 
 use crate::graph::{Role, StepGraph, ValueId};
-use crate::index::{List, PeId, StateId, number};
+use crate::index::{List, PeId, StateId};
 use crate::program::{Address, PeProgram, Program};
 
 /// What writes a ring: the value, and its place as the step sees it to which the value belongs.
@@ -62,14 +62,20 @@ fn pasts(graph: &StepGraph) -> Vec<Option<(ValueId, u32)>> {
     let mut known: List<StateId, Option<(ValueId, u32)>> = List::filled(None, graph.states.len());
     let mut followed = List::filled(false, graph.states.len());
     for state in graph.states.ids() {
-        let (mut last, mut steps) = (state, 0);
-        while let Some(before) = follows(last).filter(|_| known[last].is_none() && steps <= number(graph.states.len()))
-        {
+        // All that are met on the way are known behind it, so that rows of any order are walked once. What goes round in a circle is
+        // for `super::step` to find.
+        let (mut last, mut met) = (state, Vec::new());
+        while let Some(before) = follows(last).filter(|_| known[last].is_none() && met.len() <= graph.states.len()) {
             followed[before] = true;
-            (last, steps) = (before, steps + 1);
+            met.push(last);
+            last = before;
         }
-        let (value, age) = known[last].unwrap_or((graph.states[last].1, 1));
-        known[state] = Some((value, age + steps));
+        let (value, mut age) = known[last].unwrap_or((graph.states[last].1, 1));
+        known[last] = Some((value, age));
+        for state in met.into_iter().rev() {
+            age += 1;
+            known[state] = Some((value, age));
+        }
     }
     let in_ring =
         |(state, past): (StateId, Option<(ValueId, u32)>)| past.filter(|(_, age)| *age > 1 || followed[state]);
