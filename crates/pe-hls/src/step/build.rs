@@ -44,7 +44,7 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     let past;
     let mut model = model;
     if model.delays().next().is_some() {
-        past = past::write_out(model)?;
+        past = past::write_out(model, options.longest_past)?;
         model = &past;
     }
     if model.has_jumps() {

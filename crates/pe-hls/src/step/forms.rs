@@ -70,6 +70,8 @@ pub struct StepOptions {
     pub sums: bool,
     /// Whether stages that are alike may share their control words.
     pub rounds: bool,
+    /// Steps of a delay, at most; runs with parts of the step have more.
+    pub longest_past: u32,
     /// Most products of two variables in a sum that inlining makes; see [`crate::sums`].
     pub longest_sum: u32,
     /// The order in which linear systems and the matrices of implicit methods are eliminated.
@@ -87,10 +89,19 @@ impl Default for StepOptions {
             pre_adder: true,
             sums: true,
             rounds: true,
+            longest_past: 65_536,
             longest_sum: u32::MAX,
             order: Order::default(),
             scheme: Scheme::default(),
         }
+    }
+}
+
+impl StepOptions {
+    /// The same for a run with a part of the step: its delays have so many more steps.
+    #[must_use]
+    pub fn in_parts(self, count: u32) -> StepOptions {
+        StepOptions { longest_past: self.longest_past.saturating_mul(count), ..self }
     }
 }
 

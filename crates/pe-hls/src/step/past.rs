@@ -18,9 +18,6 @@ use pe_ir::source::{Diagnostic, Span};
 /// Part of a step by which a delay may be off a whole number of steps for being a rounded number.
 const TIME_SLACK: f64 = 1e-6;
 
-/// Steps of a delay, at most.
-const MOST_STEPS: f64 = 65_536.0;
-
 /// How a method sees within a step what a quantity was.
 #[derive(Clone, Copy, PartialEq)]
 enum Course {
@@ -80,10 +77,10 @@ impl Side {
 /// The model whose delays are words that move on.
 ///
 /// # Errors
-/// `E0930` for a delay that is no whole number of steps, or too many.
-pub fn write_out(model: &Model) -> Result<Model, Vec<Diagnostic>> {
+/// `E0930` for a delay that is no whole number of steps, or more than `most`.
+pub fn write_out(model: &Model, most: u32) -> Result<Model, Vec<Diagnostic>> {
     let mut delays: BTreeMap<StateId, Delay> = BTreeMap::new();
-    for (state, steps) in steps(model)? {
+    for (state, steps) in steps(model, f64::from(most))? {
         if let Expr::Variable(of) = model.states[state].derivative {
             delays.insert(state, Delay { of, steps });
         }
@@ -125,22 +122,22 @@ pub fn write_out(model: &Model) -> Result<Model, Vec<Diagnostic>> {
 }
 
 /// The steps of all delays, or a finding for each that is no whole number of them.
-fn steps(model: &Model) -> Result<BTreeMap<StateId, usize>, Vec<Diagnostic>> {
+fn steps(model: &Model, most: f64) -> Result<BTreeMap<StateId, usize>, Vec<Diagnostic>> {
     let (mut all, mut findings, mut common) = (BTreeMap::new(), Vec::new(), None);
     for (state, seconds) in model.delays() {
-        if let Some(whole) = whole(seconds, model.step) {
+        if let Some(whole) = whole(seconds, model.step, most) {
             all.insert(state, whole as usize);
             continue;
         }
         let steps = seconds / model.step;
-        let must = match libm::round(steps) > MOST_STEPS {
-            true => format!("{MOST_STEPS} are kept at most"),
+        let must = match libm::round(steps) > most {
+            true => format!("{most} are kept at most"),
             false => "it must be a whole number".to_owned(),
         };
         let message = format!("a delay of {seconds} s is {steps:.6} steps of {} s; {must}", model.step);
-        let help = match *common.get_or_insert_with(|| common_step(model)) {
+        let help = match *common.get_or_insert_with(|| common_step(model, most)) {
             Some(step) => format!("take a step that divides all delays, for example `--step {step:e}`"),
-            None => format!("no step divides all delays into at most {MOST_STEPS}: change one of them"),
+            None => format!("no step divides all delays into at most {most}: change one of them"),
         };
         findings.push(Diagnostic::error(codes::DELAY_STEPS, model.states[state].span, message).with_help(help));
     }
@@ -148,19 +145,19 @@ fn steps(model: &Model) -> Result<BTreeMap<StateId, usize>, Vec<Diagnostic>> {
 }
 
 /// How many steps a delay has, if that is a whole number of which all can be kept.
-fn whole(seconds: f64, step: f64) -> Option<f64> {
+fn whole(seconds: f64, step: f64, most: f64) -> Option<f64> {
     let steps = seconds / step;
     let whole = libm::round(steps);
-    ((1.0..=MOST_STEPS).contains(&whole) && (steps - whole).abs() <= TIME_SLACK * whole).then_some(whole)
+    ((1.0..=most).contains(&whole) && (steps - whole).abs() <= TIME_SLACK * whole).then_some(whole)
 }
 
 /// The step nearest to that of the model which divides all delays; a shorter one if there is one.
-fn common_step(model: &Model) -> Option<f64> {
+fn common_step(model: &Model, most: f64) -> Option<f64> {
     let delays: Vec<f64> = model.delays().map(|(_, seconds)| seconds).collect();
     let shortest = delays.iter().copied().fold(f64::INFINITY, f64::min);
-    let divides = |count: &f64| delays.iter().all(|delay| whole(*delay, shortest / count).is_some());
-    let begin = libm::ceil(shortest / model.step).clamp(1.0, MOST_STEPS);
-    let shorter = (begin as u64..=MOST_STEPS as u64).map(|count| count as f64).find(divides);
+    let divides = |count: &f64| delays.iter().all(|delay| whole(*delay, shortest / count, most).is_some());
+    let begin = libm::ceil(shortest / model.step).clamp(1.0, most);
+    let shorter = (begin as u64..=most as u64).map(|count| count as f64).find(divides);
     let found = shorter.or_else(|| (1..begin as u64).rev().map(|count| count as f64).find(divides));
     found.map(|count| shortest / count)
 }

@@ -288,15 +288,18 @@ impl Graphs {
         // A step that is affine with them as inputs may lack the form: then the method error counts them, too.
         let jumping = jumping.filter(|jumping| pe_hls::step::build_with(jumping, &options).is_ok());
         let jumping = jumping.unwrap_or_else(|| model.clone());
-        let divided = |count: f64| pe_hls::step::build_with(&jumping.in_steps_of(model.step / count), &options);
-        let functions = exact.tables.then(|| divided(1.0)).transpose()?;
+        let divided = |count: u32| {
+            pe_hls::step::build_with(&jumping.in_steps_of(model.step / f64::from(count)), &options.in_parts(count))
+        };
+        let functions = exact.tables.then(|| divided(1)).transpose()?;
         let signals = model.with_signals_as_inputs();
         let jumps = covered && inputs::cause(&signals).is_some();
         let seen = model.has_played() && !covered && varying_inputs(model);
         let seen = seen.then(|| pe_hls::step::build_with(&signals, &StepOptions::default())).transpose()?;
         let one_step = Model { solver: Solver::Rk4, ..signals.in_steps_of(model.step / 2.0) };
-        let one_step = jumps.then(|| pe_hls::step::build_with(&one_step, &StepOptions::default())).transpose()?;
-        let (half, quarter) = (divided(2.0)?, divided(4.0)?);
+        let one_step =
+            jumps.then(|| pe_hls::step::build_with(&one_step, &StepOptions::default().in_parts(2))).transpose()?;
+        let (half, quarter) = (divided(2)?, divided(4)?);
         Ok(Graphs { functions, half, quarter, seen, one_step, model: signals, divided: jumping })
     }
 }

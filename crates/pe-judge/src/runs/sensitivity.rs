@@ -55,7 +55,8 @@ impl Sensitivity {
             return None;
         }
         let half = model.in_steps_of(model.step / 2.0);
-        let finer = build_with(&half, &StepOptions { form: Some(graph.form), ..StepOptions::default() }).ok()?;
+        let options = StepOptions { form: Some(graph.form), ..StepOptions::default() };
+        let finer = build_with(&half, &options.in_parts(2)).ok()?;
         let mut pair = [DoubleRun::new(graph), DoubleRun::new(graph)];
         let mut fine = [DoubleRun::new(&finer), DoubleRun::new(&finer)];
         for (index, state) in model.states.iter().enumerate() {

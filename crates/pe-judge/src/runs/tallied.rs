@@ -24,7 +24,8 @@ impl Exact {
         let found = tally::families(model, &self.scales);
         let counted = Counted { model, families: &found.0, of_state: &found.1 };
         let half = model.in_steps_of(model.step / 2.0);
-        let finer = build_with(&half, &StepOptions { form: Some(graph.form), ..StepOptions::default() })?;
+        let options = StepOptions { form: Some(graph.form), ..StepOptions::default() };
+        let finer = build_with(&half, &options.in_parts(2))?;
         let mut disturbed = DoubleRun::new(graph);
         // What counts or tells that something holds stands still, and is exact in any word.
         let moves = |state: &State| state.motion.is_none() && state.derivative != Expr::Constant(0.0);
