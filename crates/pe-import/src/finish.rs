@@ -39,25 +39,11 @@ pub(crate) fn finish(model: &mut Model, findings: &mut Vec<Diagnostic>) {
 /// Finds what a spec cannot say of events, and drops those that change nothing.
 pub(crate) fn events(model: &mut Model, findings: &mut Vec<Diagnostic>) {
     model.events.retain(|event| !event.assignments.is_empty());
-    let known = |expr: &Expr, model: &Model| {
-        let mut moves = false;
-        expr.each(&mut |part| {
-            moves |= match part {
-                Expr::Name(read) => !matches!(model.quantities[*read].kind, Kind::Constant(_)),
-                Expr::Time | Expr::Pulse(_) => true,
-                _ => false,
-            }
-        });
-        !moves
-    };
     for event in &model.events {
         let mut refuse = |what: &str, help: &str| {
             let message = format!("event {}cannot be expressed: {what}", quoted(&event.id));
             findings.push(Diagnostic::error(codes::IMPORT_UNSUPPORTED, event.span, message).with_help(help));
         };
-        if event.priority.as_ref().is_some_and(|priority| !known(priority, model)) {
-            refuse("its priority changes", "give it a priority that is a number or a parameter");
-        }
         for (target, _) in &event.assignments {
             if !matches!(model.quantities[*target].kind, Kind::State { .. }) {
                 let what = format!("it changes `{}`, which an equation determines", model.quantities[*target].id);

@@ -135,6 +135,7 @@ codes! {
     COMES_APART = "E0926", "mechanism comes apart";
     BRANCH_LEFT = "E0927", "mechanism leaves its branch";
     CONTRADICTION = "E0928", "closures that contradict each other";
+    EVENT_ORDER = "E0929", "too many events whose order changes";
     DELAY_STEPS = "E0930", "delay and step do not fit together";
     NO_EVENTS = "E0931", "no events to judge by";
     EVENTS_DIFFER = "E0932", "events come at another rate";

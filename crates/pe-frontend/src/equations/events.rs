@@ -8,7 +8,7 @@ use crate::equations::pattern::{Pattern, Seen, bind};
 use crate::fault::{Fault, fault};
 use crate::language::measures::{TIMES, scaled, unit_scale};
 use crate::names::table::{Kind, Symbol};
-use crate::syntax::ast::{Equation, MANNERS, Measure, Name, StatementKind, When};
+use crate::syntax::ast::{Equation, Expr as Written, MANNERS, Measure, Name, StatementKind, When};
 use pe_ir::codes;
 use pe_ir::index::at;
 use pe_ir::model::Expr;
@@ -27,6 +27,8 @@ pub(crate) struct FlatEvent {
     pub(crate) delay: Option<Expr>,
     /// Where its delay stands, if it has one.
     pub(crate) after: Option<Span>,
+    /// Of several events at one time that of the highest comes first; without one, behind all that have one.
+    pub(crate) priority: Option<Expr>,
     /// How it comes.
     pub(crate) manner: Manner,
     /// Where it stands.
@@ -37,13 +39,13 @@ impl FlatEvent {
     /// The expressions that it reads variables in.
     pub(crate) fn expressions(&self) -> impl Iterator<Item = &Expr> {
         let values = self.assignments.iter().map(|(_, value)| value);
-        std::iter::once(&self.trigger).chain(&self.delay).chain(values)
+        std::iter::once(&self.trigger).chain(&self.delay).chain(&self.priority).chain(values)
     }
 
     /// The same, to be changed.
     pub(crate) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut Expr> {
         let values = self.assignments.iter_mut().map(|(_, value)| value);
-        std::iter::once(&mut self.trigger).chain(&mut self.delay).chain(values)
+        std::iter::once(&mut self.trigger).chain(&mut self.delay).chain(&mut self.priority).chain(values)
     }
 }
 
@@ -58,8 +60,6 @@ pub(crate) struct Manner {
     pub(crate) cancelled: bool,
     /// Whether the condition counts as false before time zero.
     pub(crate) initially: bool,
-    /// Of several events at one time that of the highest comes first.
-    pub(crate) priority: f64,
 }
 
 /// An assignment whose names are bound.
@@ -74,6 +74,7 @@ struct BoundEvent<'a> {
     trigger: Node,
     assignments: Vec<Bound<'a>>,
     delay: Option<Delay>,
+    priority: Option<Node>,
 }
 
 /// What is above zero where a condition holds, if that is a single comparison.
@@ -115,7 +116,16 @@ pub(crate) fn events(context: &mut Context, times: Option<&Times>) -> Vec<FlatEv
             },
             None => None,
         };
-        let bound = BoundEvent { trigger, assignments, delay };
+        let priority = match priority(when) {
+            Some(priority) => {
+                let mut resolver = context.resolver(Reads::Variables);
+                resolver.scope.clone_from(&assignments[0].pattern.indices);
+                let Some(priority) = resolver.number(priority) else { continue };
+                Some(priority)
+            }
+            None => None,
+        };
+        let bound = BoundEvent { trigger, assignments, delay, priority };
         write(context, &mut events, (number, span), &bound, manner);
     }
     events
@@ -135,8 +145,8 @@ fn suits(context: &mut Context, times: Option<&Times>, span: Span) -> bool {
     false
 }
 
-fn manner<'a>(context: &mut Context<'a>, when: &'a When) -> Option<Manner> {
-    let mut manner = Manner { priority: f64::NEG_INFINITY, ..Manner::default() };
+fn manner(context: &mut Context, when: &When) -> Option<Manner> {
+    let mut manner = Manner::default();
     let mut complete = true;
     for (name, number) in &when.manners {
         let known = MANNERS.iter().find(|(word, _)| *word == name.text);
@@ -145,19 +155,20 @@ fn manner<'a>(context: &mut Context<'a>, when: &'a When) -> Option<Manner> {
             context.report.push(unknown(name));
             continue;
         }
-        match (name.text.as_str(), number) {
-            ("refine", _) => manner.refine = true,
-            ("frozen", _) => manner.frozen = true,
-            ("cancelled", _) => manner.cancelled = true,
-            ("initially", _) => manner.initially = true,
-            (_, Some(number)) => match context.constant(number) {
-                Some(priority) => manner.priority = priority,
-                None => complete = false,
-            },
+        match name.text.as_str() {
+            "refine" => manner.refine = true,
+            "frozen" => manner.frozen = true,
+            "cancelled" => manner.cancelled = true,
+            "initially" => manner.initially = true,
             _ => {}
         }
     }
     complete.then_some(manner)
+}
+
+/// The priority of an event; of several the last one counts.
+pub(crate) fn priority(when: &When) -> Option<&Written> {
+    when.manners.iter().rev().find_map(|(_, number)| number.as_ref())
 }
 
 fn unknown(name: &Name) -> Diagnostic {
@@ -287,6 +298,8 @@ fn element(context: &mut Context, event: &BoundEvent, (manner, span): (Manner, S
     let trigger = context.evaluator.expr(&context.names, &event.trigger)?;
     let delay = event.delay.as_ref().map(|delay| delay.seconds(context)).transpose()?;
     let delay = delay.filter(|delay| *delay != Expr::Constant(0.0));
+    let priority =
+        event.priority.as_ref().map(|priority| context.evaluator.expr(&context.names, priority)).transpose()?;
     // A condition that is a number never becomes true.
     let is_open = trigger.as_constant().is_none() && margin(&trigger).is_none();
     if manner.refine && (delay.is_some() || is_open) {
@@ -316,7 +329,7 @@ fn element(context: &mut Context, event: &BoundEvent, (manner, span): (Manner, S
         assignments.push((state, context.evaluator.expr(&context.names, &bound.value)?));
     }
     let after = event.delay.as_ref().map(|delay| delay.span);
-    Ok(FlatEvent { name: String::new(), trigger, assignments, delay, after, manner, span })
+    Ok(FlatEvent { name: String::new(), trigger, assignments, delay, after, priority, manner, span })
 }
 
 /// The states that events change, and what these events read, for those who number variables.

@@ -160,6 +160,7 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
         delays::suits(&model, place, report)?;
     }
     delays::name(&mut model);
+    events::suits(&model, &all, report)?;
     events::write_out(&mut model, &all);
     delays::begin(&mut model);
     angles::write_out(model, report)

@@ -1,19 +1,20 @@
 //! Events, written out as what is added to states at the end of a step.
 //!
 //! An event has states of its own: whether its condition held before, and for a delay the steps that are left. All events of
-//! one instant are written out one after the other in the order of their priorities. What an event changes, later ones read;
-//! conditions that read it are looked at again, and events that it sets off come in the next round of the same instant.
+//! one instant are written out one after the other in the order of their priorities, which `order` finds. What an event changes,
+//! later ones read; conditions that read it are looked at again, and events that it sets off come in the same instant.
+
+mod order;
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
+
+pub(crate) use order::suits;
 
 use crate::equations::events::{FlatEvent, margin};
 use pe_ir::index::{StateId, at, number};
 use pe_ir::model::{Algebraic, Expr, Function, Model, Select, State, Variable};
 use pe_ir::motion::Motion;
 use pe_ir::place::Place;
-
-/// Rounds in one instant, at most, where events set one another off in a circle.
-const MOST_ROUNDS: usize = 3;
 
 /// Delayed events of one kind that wait at the same time, at most.
 const WAITING: usize = 4;
@@ -23,10 +24,8 @@ pub(crate) fn write_out(model: &mut Model, events: &[FlatEvent]) {
     if events.is_empty() {
         return;
     }
-    let mut order: Vec<usize> = (0..events.len()).collect();
-    order.sort_by(|one, other| events[*other].manner.priority.total_cmp(&events[*one].manner.priority));
     let mut writer = Writer::new(model, events);
-    writer.instant(&order);
+    writer.instant();
     writer.model.bound_waits();
     let jumps = std::mem::take(&mut writer.jumps);
     let late: Vec<Variable> = writer.late.values().copied().collect();
@@ -57,6 +56,10 @@ struct Writer<'a> {
     twins: BTreeMap<u32, Variable>,
     /// How late events are that are refined.
     late: BTreeMap<usize, Variable>,
+    /// Events whose order is found while they come.
+    searched: BTreeSet<usize>,
+    /// Which of two events goes before the other: what was compared last, and what tells.
+    compared: BTreeMap<(usize, usize), (Expr, Variable)>,
     /// States that are taken back to the time of an event while it comes, with the change.
     lent: Vec<(u32, Variable)>,
     serial: u32,
@@ -118,6 +121,8 @@ impl<'a> Writer<'a> {
             jumps: BTreeMap::new(),
             twins: BTreeMap::new(),
             late: BTreeMap::new(),
+            searched: BTreeSet::new(),
+            compared: BTreeMap::new(),
             lent: Vec::new(),
             serial: 0,
         };
@@ -163,6 +168,18 @@ impl<'a> Writer<'a> {
         let range = matches!(expr, Expr::Select(_)).then_some((0.0, 1.0));
         self.model.algebraics.push(Algebraic { name, unit: None, expr, range, kept: false, angle: false, span });
         Variable::Algebraic(number(self.model.algebraics.len()) - 1)
+    }
+
+    /// A quantity that is 0 or 1. Where order is searched an event is written out in many places and comes in few, so that runs
+    /// tell little of what it may be.
+    fn flag(&mut self, event: usize, what: &str, expr: Expr) -> Variable {
+        let flag = self.quantity(event, what, expr);
+        if let Variable::Algebraic(algebraic) = flag
+            && self.searched.contains(&event)
+        {
+            self.model.algebraics[at(algebraic)].range = Some((0.0, 1.0));
+        }
+        flag
     }
 
     /// What stands for a state behind a change, in the range that the state has.
@@ -230,7 +247,9 @@ impl<'a> Writer<'a> {
         states
     }
 
-    fn instant(&mut self, order: &[usize]) {
+    fn instant(&mut self) {
+        let pools = order::pools(self);
+        self.searched = pools.iter().flatten().copied().collect();
         let mut watchers: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         for (event, own) in self.events.iter().enumerate() {
             let reads = self.states_read(&own.trigger);
@@ -242,7 +261,7 @@ impl<'a> Writer<'a> {
             let trigger = self.quantity(event, "condition", self.events[event].trigger.clone());
             let before = Variable::State(StateId::new(held));
             let newly = Expr::product(vec![of(trigger), not(before)]);
-            let due = self.quantity(event, "due", newly);
+            let due = self.flag(event, "due", newly);
             if self.events[event].manner.refine && margin(&self.events[event].trigger).is_some() {
                 let late = self.late(event, due);
                 self.late.insert(event, late);
@@ -255,12 +274,10 @@ impl<'a> Writer<'a> {
                 self.wait(event, present);
             }
         }
-        for round in 1..=MOST_ROUNDS {
-            for event in order {
-                let Some(due) = all[*event].due.take() else { continue };
-                self.come(*event, due, &all[*event].frozen);
-                self.look_again(*event, &watchers, &mut all, round == MOST_ROUNDS);
-            }
+        let rest: Vec<usize> = (0..self.events.len()).filter(|event| !self.searched.contains(event)).collect();
+        self.by_rank(&rest, &watchers, &mut all);
+        for pool in &pools {
+            self.by_search(pool, &watchers, &mut all);
         }
         for present in all {
             let own = Variable::State(StateId::new(present.held));
@@ -398,10 +415,17 @@ impl<'a> Writer<'a> {
         self.twins.clear();
     }
 
-    /// Lets an event come if it is due.
-    fn come(&mut self, event: usize, due: Variable, frozen: &[Variable]) {
+    /// Lets an event come where a variable is 1; that is always one where it is due, unless it `waits` for others.
+    fn come(&mut self, event: usize, due: Variable, waits: bool, frozen: &[Variable]) {
         let all = self.events;
-        let late = self.late.get(&event).copied();
+        let mut late = self.late.get(&event).copied();
+        if let Some(own) = late.filter(|_| waits) {
+            let own = self.quantity(event, "late", Expr::product(vec![of(due), of(own)]));
+            if let Variable::Algebraic(algebraic) = own {
+                self.model.algebraics[at(algebraic)].range = Some((0.0, self.model.step));
+            }
+            late = Some(own);
+        }
         let bent = late.map(|late| self.go_back(event, late));
         let mut added = Vec::new();
         for (number, (state, value)) in all[event].assignments.iter().enumerate() {
@@ -425,13 +449,24 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Looks at the conditions that read what an event has changed. In the last round no event comes any more: a
-    /// condition that becomes true then does so in the next step.
-    fn look_again(&mut self, event: usize, watchers: &BTreeMap<u32, Vec<usize>>, all: &mut [Present], last: bool) {
+    /// The events whose conditions read what an event changes.
+    fn watching(&self, event: usize, watchers: &BTreeMap<u32, Vec<usize>>) -> BTreeSet<usize> {
+        let targets = self.events[event].assignments.iter().map(|(state, _)| state);
+        targets.filter_map(|state| watchers.get(state)).flatten().copied().collect()
+    }
+
+    /// Looks at the conditions that read what an event has changed, and returns the events that this may set off. One that
+    /// may come no more does so in the next step.
+    fn look_again(
+        &mut self,
+        event: usize,
+        watchers: &BTreeMap<u32, Vec<usize>>,
+        all: &mut [Present],
+        may_come: &dyn Fn(usize) -> bool,
+    ) -> Vec<usize> {
         let events = self.events;
-        let targets = events[event].assignments.iter().map(|(state, _)| state);
-        let watching: BTreeSet<usize> = targets.filter_map(|state| watchers.get(state)).flatten().copied().collect();
-        for other in watching {
+        let mut set_off = Vec::new();
+        for other in self.watching(event, watchers) {
             let present = &mut all[other];
             let trigger = self.expr(event, &events[other].trigger);
             let trigger = self.quantity(other, "again", trigger);
@@ -439,17 +474,16 @@ impl<'a> Writer<'a> {
             let manner = events[other].manner;
             let waits = events[other].delay.is_some();
             if manner.cancelled
-                && !waits
                 && let Some(due) = present.due
             {
-                present.due = Some(self.quantity(other, "due", Expr::product(vec![of(due), of(trigger)])));
+                present.due = Some(self.flag(other, "due", Expr::product(vec![of(due), of(trigger)])));
             }
             let falls = Expr::product(vec![of(trigger), of(present.before)]);
-            if other == event || last || waits {
-                present.before = self.quantity(other, "before", falls);
+            if other == event || waits || !may_come(other) {
+                present.before = self.flag(other, "before", falls);
                 continue;
             }
-            let newly = self.quantity(other, "newly", Expr::product(vec![of(trigger), not(present.before)]));
+            let newly = self.flag(other, "newly", Expr::product(vec![of(trigger), not(present.before)]));
             present.before = trigger;
             if manner.frozen {
                 let values = self.values(other);
@@ -463,10 +497,18 @@ impl<'a> Writer<'a> {
                 // It is due before, or now; both would be once.
                 Some(due) => {
                     let both = Expr::product(vec![of(due), of(newly)]);
-                    self.quantity(other, "due", Expr::sum(vec![of(due), of(newly), minus(both)]))
+                    self.flag(other, "due", Expr::sum(vec![of(due), of(newly), minus(both)]))
                 }
             });
+            set_off.push(other);
         }
+        set_off
+    }
+
+    /// What finds no place leaves the word of a state that must stay zero, so that it is never lost unseen.
+    fn lose(&mut self, event: usize, what: Variable) {
+        let lost = self.state(event, "lost", Some((0.0, 0.0)));
+        self.jumps.entry(lost).or_default().push(Expr::scaled(LEAVES, of(what)));
     }
 
     /// Lets an event wait for its delay, in the first free of several places.
@@ -519,12 +561,10 @@ impl<'a> Writer<'a> {
                 let change = Expr::product(vec![of(takes), Expr::sum(vec![of(value), minus(of(own))])]);
                 self.jumps.entry(kept).or_default().push(change);
             }
-            newly = self.quantity(event, "newly", Expr::product(vec![of(newly), of(more)]));
+            newly = self.flag(event, "newly", Expr::product(vec![of(newly), of(more)]));
         }
-        // What finds no place leaves the word of a state that must stay zero, so that it is never lost unseen.
-        let lost = self.state(event, "lost", Some((0.0, 0.0)));
-        self.jumps.entry(lost).or_default().push(Expr::scaled(LEAVES, of(newly)));
-        present.due = Some(self.quantity(event, "due", Expr::sum(due.into_iter().map(of).collect())));
+        self.lose(event, newly);
+        present.due = Some(self.flag(event, "due", Expr::sum(due.into_iter().map(of).collect())));
         let frozen: Vec<Variable> =
             frozen.into_iter().map(|terms| self.quantity(event, "value", Expr::sum(terms))).collect();
         present.frozen = frozen;

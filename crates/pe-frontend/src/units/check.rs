@@ -6,6 +6,7 @@
 use crate::arrays::algebra::visit;
 use crate::bind::rows;
 use crate::bound::MOST_NESTED_CALLS;
+use crate::equations::events::priority;
 use crate::language::functions;
 use crate::language::measures::TIMES;
 use crate::language::waveforms::{Argument, WAVEFORMS};
@@ -212,6 +213,7 @@ impl<'a> Checker<'_, 'a> {
     }
 
     fn statements(&mut self) {
+        let mut compared = None;
         for statement in &self.spec.statements {
             match &statement.kind {
                 StatementKind::Const { value, .. } => _ = self.unit(value, TOLD),
@@ -236,6 +238,10 @@ impl<'a> Checker<'_, 'a> {
                 StatementKind::When(when) => {
                     self.unit(&when.trigger, TOLD);
                     when.assignments.iter().for_each(|assignment| self.equation(assignment));
+                    if let Some(side) = priority(when).map(|own| self.unit(own, TOLD)) {
+                        self.same(*compared.get_or_insert(side), side, TOLD);
+                        compared = compared.filter(|(unit, _)| matches!(unit, Known(_)));
+                    }
                 }
                 _ => {}
             }
@@ -505,9 +511,8 @@ impl<'a> Checker<'_, 'a> {
         let alone = first_place == second_place;
         let finding = if first.measures_the_same(second) {
             let ratio = shown_factor(second.factor / first.factor);
-            let message = format!(
-                "[{first_text}] and [{second_text}] differ by a factor: 1 {second_text} is {ratio} {first_text}"
-            );
+            let differ = format!("[{first_text}] and [{second_text}] differ by a factor");
+            let message = format!("{differ}: 1 {second_text} is {ratio} {first_text}");
             let help = format!(
                 "numbers are not converted; multiply by a parameter, for example `param k [{first_text}/({second_text})] = {ratio}`"
             );

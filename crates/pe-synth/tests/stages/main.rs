@@ -32,6 +32,7 @@ mod mechanisms;
 mod methods;
 mod noise;
 mod pictures;
+mod priorities;
 mod random_models;
 mod ranges;
 mod reasons;
