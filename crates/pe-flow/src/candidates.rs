@@ -258,7 +258,10 @@ impl<'a> Candidates<'a> {
         }
         plain = Some(first);
         // Relays would take away what a stage loop saves.
-        let looped = LazyCell::new(|| options.stage_loop != StageLoop::Off && Rounds::of(graph, fixed).is_some());
+        let looped = LazyCell::new(|| {
+            let rounds = || graph.parts.is_one_of_many() || Rounds::of(graph, fixed).is_some();
+            options.stage_loop != StageLoop::Off && rounds()
+        });
         let first = plain.as_ref().expect("not mapped yet");
         let useful = |pes: u32| if network.exact { pes } else { pes.min(first.problem.equations()) };
         let default = || default_pes(&first.optimistic, Latency::of(&fixed.format));

@@ -12,18 +12,16 @@
 //! In the middle is what decides a stage beside those before it. [`design`] does all of them for one point,
 //! [`crate::explore::sweep`] for many, and keeps what these share.
 
-use std::ops::Range;
 use std::sync::Arc;
 
-use pe_hls::mapping::{self, WireLength};
+use pe_hls::mapping;
 use pe_hls::pairs::{self, Paired};
+use pe_hls::rounds::Rounds;
 use pe_hls::schedule::Bound;
 use pe_hls::step::StepOptions;
 use pe_hls::sums;
 use pe_ir::graph::StepGraph;
-use pe_ir::mapping::{Mapping, MappingCost};
 use pe_ir::model::Model;
-use pe_ir::program::Program;
 use pe_ir::schedule::Schedule;
 use pe_ir::source::Diagnostic;
 use pe_ir::verify;
@@ -31,13 +29,15 @@ use pe_ir::word::{Latency, WordFormat};
 
 use crate::assembled::{Assembled, assemble};
 use crate::candidates::{self, Candidates, Network};
-use crate::elimination::{self, Trial};
+pub use crate::design::{Design, StartResult};
+use crate::elimination;
 use crate::failure::Failure;
 use crate::known::Known;
 use crate::mapping_file::MappingFile;
+use crate::parts;
 use crate::rings;
 use crate::selection::{self, Price};
-use crate::settings::{MappingOptions, Settings, step_options};
+use crate::settings::{MappingOptions, Settings, StageLoop, step_options};
 use crate::sized;
 use crate::spec::LoadedModel;
 use crate::stages::{self, CHECKED_ROUNDS};
@@ -48,62 +48,6 @@ use pe_judge::runs::{self, Aids, Beyond, Comparison, Exact, Judged, Kept, Room, 
 use pe_judge::slots;
 use pe_judge::tables;
 use pe_judge::{Coefficients, Criteria, DesignPoint, ProofMode};
-
-/// What annealing made of one start.
-#[derive(Clone, Debug)]
-pub struct StartResult {
-    /// Name of the start.
-    pub start: &'static str,
-    /// Before annealing.
-    pub before: MappingCost,
-    /// After annealing.
-    pub after: MappingCost,
-    /// Cycles per step of its schedule.
-    pub period: u32,
-    /// Relays of hubs in the step that was mapped.
-    pub relays: u32,
-    /// Copies in a step that carry values over other PEs.
-    pub hops: u32,
-}
-
-/// Everything that was decided about a model.
-pub struct Design {
-    /// Step graph; designs that differ in PEs only share it.
-    pub graph: Arc<StepGraph>,
-    /// Formats, errors, checkpoint; shared likewise.
-    pub judged: Arc<Judged>,
-    /// The mapping that was taken.
-    pub mapping: Mapping,
-    /// Its cost.
-    pub cost: MappingCost,
-    /// Lengths of its connections on a square.
-    pub wires: WireLength,
-    /// The step with all pairs that some mapping could allow; the step graph if there are none.
-    pub optimistic: Arc<StepGraph>,
-    /// The step with the pairs that the mapping allows, if there are any.
-    pub paired: Option<Paired>,
-    /// Its schedule.
-    pub schedule: Schedule,
-    /// The schedule before stages that are alike became rounds, where they did.
-    pub flat: Option<Schedule>,
-    /// Lower bounds.
-    pub bound: Bound,
-    /// The program.
-    pub program: Program,
-    /// All starts, the one that was taken first.
-    pub starts: Vec<StartResult>,
-    /// Whether the number of PEs is the default.
-    pub default_pes: bool,
-    /// Orders of elimination that were tried.
-    pub trials: Vec<Trial>,
-}
-
-impl Design {
-    /// The step as it is issued: a term per product.
-    pub fn issued(&self) -> &StepGraph {
-        self.paired.as_ref().map_or(&self.graph, |paired| &paired.graph)
-    }
-}
 
 /// Designs the hardware of a model.
 ///
@@ -336,8 +280,41 @@ pub fn implement(
     }
 }
 
-/// The same without rings that are not there yet.
+/// The same without rings that are not there yet: with one program for the parts of a step that are alike, where that is cheaper.
 fn implement_step(
+    loaded: &LoadedModel,
+    graph: &Arc<StepGraph>,
+    judged: &Arc<Judged>,
+    network: Network,
+    mapping_options: &MappingOptions,
+    known: &Known,
+    watch: &mut Stopwatch,
+) -> Result<Design, Failure> {
+    let asked = network.given.is_none() && mapping_options.stage_loop != StageLoop::Off;
+    let rounds = asked.then(|| Rounds::of_parts(graph, &judged.fixed)).flatten();
+    let Some(rounds) = rounds else {
+        return implement_whole(loaded, graph, judged, network, mapping_options, known, watch);
+    };
+    let of_parts = parts::implement(loaded, (graph, judged), &rounds, &network, mapping_options, known, watch);
+    let is_on = mapping_options.stage_loop == StageLoop::On;
+    let whole =
+        |watch: &mut Stopwatch| implement_whole(loaded, graph, judged, network.clone(), mapping_options, known, watch);
+    let Some((design, told)) = of_parts else { return whole(watch) };
+    if !is_on
+        && let Ok(whole) = whole(watch)
+        && parts::cost(&whole) <= parts::cost(&design)
+    {
+        return Ok(whole);
+    }
+    watch.warn(&told, &loaded.sources);
+    let latency = Latency::of(&judged.fixed.format);
+    let figure = |_: &_| "mapping, schedule, program".to_owned();
+    watch.stage_saying("check", |say| check(&design, latency, mapping_options, say), figure)?;
+    Ok(design)
+}
+
+/// The same in one round, or in rounds of stages.
+fn implement_whole(
     loaded: &LoadedModel,
     graph: &Arc<StepGraph>,
     judged: &Arc<Judged>,
@@ -374,22 +351,11 @@ fn implement_step(
             if let Some(given) = given {
                 return vec![given];
             }
-            // Relays and gathered tables have no say in how well the others are scheduled.
-            let ends = [0, plain, candidates.len() - gathered, candidates.len()];
-            let parts = ends.windows(2).map(|ends| ends[0]..ends[1]);
-            let schedules = |part: Range<usize>| {
-                selection::schedules(&graphs[part.clone()], &candidates[part], latency, price, known, say)
-            };
-            parts.flat_map(schedules).collect()
+            selection::all_schedules(&graphs, &candidates, (plain, gathered), (latency, price), known, say)
         },
-        |schedules: &Vec<Schedule>| {
-            format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
-        },
+        |schedules: &Vec<Schedule>| selection::shortest(schedules),
     );
-    let others = candidates.len() - gathered;
-    let mut order = selection::rank(&candidates[..others], &schedules[..others], price, plain);
-    order.extend(others..candidates.len());
-    selection::prefer_gathered(&mut order, &candidates, &schedules, &blocks, (gathered, price));
+    let order = selection::order(&candidates, &schedules, &blocks, (plain, gathered), price);
     let starts: Vec<StartResult> = order
         .iter()
         .map(|index| StartResult {
@@ -487,7 +453,8 @@ fn step_for(
         return Ok(graph);
     }
     let graph = sized::for_pes(&graph, pes, file, mapping_options, format).unwrap_or(graph);
-    Ok(sums::cut(&graph, &format).unwrap_or(graph))
+    let graph = sums::cut(&graph, &format).unwrap_or(graph);
+    Ok(parts::arranged(loaded, &graph, point, mapping_options, (pes, format)).unwrap_or(graph))
 }
 
 /// Builds the step graph; functions of variables are tables in it, for the arguments that they have over the span.
@@ -518,9 +485,13 @@ pub fn build(
     }
     let format = format?;
     let progress = watch.progress("functions");
+    let tabulate = match parts::share_tables(loaded, &graph, point, mapping_options) {
+        true => tables::tabulate_alike,
+        false => tables::tabulate,
+    };
     let tabulated = watch.timed(
         "functions",
-        || tables::tabulate(&loaded.model, &graph, format, &*progress),
+        || tabulate(&loaded.model, &graph, format, &*progress),
         |graph| graph.as_ref().map_or_else(|_| "refused".to_owned(), tables::summary),
     );
     tabulated.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))

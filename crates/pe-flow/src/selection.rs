@@ -1,5 +1,7 @@
 //! Selection of a mapping: schedules the candidates that can still win, and ranks them.
 
+use std::ops::Range;
+
 use pe_hls::mapping::{Candidate, MapOptions};
 use pe_ir::graph::StepGraph;
 use pe_ir::index::List;
@@ -63,6 +65,42 @@ pub fn schedules(
         schedules[index] = known.schedule(graphs[index], &candidates[index].mapping, latency, false);
     }
     schedules
+}
+
+/// Schedules of all candidates. Relays and gathered tables have no say in how well the others are scheduled: of `counts`, the first
+/// is the candidates without relays, which come first, the second those with gathered tables, which come last.
+pub fn all_schedules(
+    graphs: &[&StepGraph],
+    candidates: &[Candidate],
+    (plain, gathered): (usize, usize),
+    (latency, price): (Latency, Price),
+    known: &Known,
+    say: &dyn Fn(String),
+) -> Vec<Schedule> {
+    let ends = [0, plain, candidates.len() - gathered, candidates.len()];
+    let parts = ends.windows(2).map(|ends| ends[0]..ends[1]);
+    let of = |part: Range<usize>| schedules(&graphs[part.clone()], &candidates[part], latency, price, known, say);
+    parts.flat_map(of).collect()
+}
+
+/// The cycles of the shortest schedule, in words.
+pub fn shortest(schedules: &[Schedule]) -> String {
+    format!("{} cycles per step", schedules.iter().map(|schedule| schedule.period).min().unwrap_or(0))
+}
+
+/// Candidates from best to worst: by [`rank`] and [`prefer_gathered`].
+pub fn order(
+    candidates: &[Candidate],
+    schedules: &[Schedule],
+    blocks: &[u32],
+    (plain, gathered): (usize, usize),
+    price: Price,
+) -> Vec<usize> {
+    let others = candidates.len() - gathered;
+    let mut order = rank(&candidates[..others], &schedules[..others], price, plain);
+    order.extend(others..candidates.len());
+    prefer_gathered(&mut order, candidates, schedules, blocks, (gathered, price));
+    order
 }
 
 /// The most products of a PE as they are issued: the mapper may have counted on pairs that its mapping does not allow.

@@ -11,6 +11,7 @@ use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
 use crate::alike::alike;
+use crate::parts::Likes;
 use crate::{pairs, rounding};
 
 /// Head room of the measured ranges (Kum, Kang, Sung 2000 use the same idea; the figure is ours, see
@@ -118,6 +119,12 @@ fn no_format(graph: &StepGraph, restless: EquationId) -> Diagnostic {
         .with_help("choose a smaller step; if the rates are far beyond those of the rest, check the units")
 }
 
+/// The coarsest product point so far of chains that are alike, by the chain of the first part.
+struct Coarsest {
+    likes: List<ChainId, ChainId>,
+    product: List<ChainId, i32>,
+}
+
 struct Chooser<'a> {
     graph: &'a StepGraph,
     format: WordFormat,
@@ -130,6 +137,8 @@ struct Chooser<'a> {
     /// For each value whether it stays within half of full scale.
     half_scale: Vec<bool>,
     products: List<ChainId, i32>,
+    /// What chains of parts have in common, if the step has parts that are alike.
+    coarsest: Option<Coarsest>,
     /// For each chain of an intermediate stage the chain of the same equation's last stage; itself for others.
     last_stage: List<ChainId, ChainId>,
     changed: bool,
@@ -179,6 +188,10 @@ impl<'a> Chooser<'a> {
             pinned,
             half_scale,
             products: List::filled(0, graph.chains.len()),
+            coarsest: Likes::of(graph).map(|likes| Coarsest {
+                likes: likes.chains.iter().map(|(_, like)| *like).collect(),
+                product: List::filled(i32::MIN, graph.chains.len()),
+            }),
             last_stage: last_stages(graph),
             changed: false,
             runaway: false,
@@ -233,6 +246,12 @@ impl<'a> Chooser<'a> {
                 return Err(Diagnostic::error(codes::ACCUMULATOR, self.graph.equations[chain.equation].span, message)
                     .with_help("use a narrower `--multiplier`, which leaves room for more products of two variables"));
             }
+        }
+        if let Some(coarsest) = &mut self.coarsest {
+            let of_parts = &mut coarsest.product[coarsest.likes[index]];
+            product = product.max(*of_parts);
+            self.changed |= *of_parts != product;
+            *of_parts = product;
         }
         // A second factor of a product takes the format that puts the product on the chain's point.
         for term in self.graph.chain_terms(chain) {
@@ -463,6 +482,10 @@ fn groups(graph: &StepGraph) -> Vec<u32> {
     }
     for (chain, like) in graph.chains.iter().zip(alike(graph)) {
         join(chain.write.value, graph.chains[like].write.value);
+    }
+    // Parts that are alike have one program, and so one format for each of their values.
+    for (index, (_, like)) in Likes::of(graph).iter().flat_map(|likes| likes.values.iter().enumerate()) {
+        join(ValueId::at(index), *like);
     }
     (0..graph.values.len() as u32).map(|index| find(&mut parent, index)).collect()
 }

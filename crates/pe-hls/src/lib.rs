@@ -16,6 +16,7 @@ pub mod mapping;
 pub mod norms;
 pub mod outputs;
 pub mod pairs;
+pub mod parts;
 mod passes;
 pub mod relay;
 pub mod rings;

@@ -28,6 +28,7 @@ pub const PASSES: &[Pass] = &[
     pass("grid", "StepGraph", "StepGraph", "cuts sums over nearly everything to suit a grid of PEs"),
     pass("shorten", "StepGraph", "StepGraph", "evaluates polynomials of tables with squares where latency binds"),
     pass("sums", "StepGraph", "StepGraph", "cuts sums that the accumulator does not hold"),
+    pass("parts", "StepGraph", "StepGraph", "gives parts of a step that are alike the same terms"),
     pass("two_slots", "StepGraph", "StepGraph", "gives coefficients a second issue slot on request"),
     pass("formats", "StepGraph", "FixedPoint", "chooses a number format for every value"),
     pass("rounding", "StepGraph", "FixedPoint", "rounds coefficients so that errors cancel"),

@@ -14,6 +14,7 @@ use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term};
 use pe_ir::index::{ChainId, EquationId, List, at, number};
 
 use crate::alike::alike;
+use crate::parts::Likes;
 
 /// Largest distance of a rounded coefficient from the exact one, in units of the product point.
 pub const REACH: i64 = 2;
@@ -151,6 +152,7 @@ impl Aim {
 
 /// Improves the roundings of all chains in place.
 pub fn improve(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, aim: Aim) {
+    let nearest = Likes::of(graph).map(|likes| (likes, fixed.coefficients.clone()));
     let earlier = match aim {
         Aim::Chain => List::filled(Vec::new(), graph.chains.len()),
         Aim::Step => earlier_stages(graph),
@@ -172,6 +174,25 @@ pub fn improve(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, aim
             && graph.chain_terms(own).iter().zip(graph.chain_terms(model)).all(exact)
         {
             fixed.coefficients.copy_within(at(model.terms.start)..model.terms.end as usize, at(own.terms.start));
+        }
+    }
+    if let Some((likes, nearest)) = nearest {
+        as_in_the_middle(graph, fixed, &likes, &nearest);
+    }
+}
+
+/// Gives parts that are alike the coefficients of the one in the middle, as far as these are the same; others are the nearest
+/// ones.
+fn as_in_the_middle(graph: &StepGraph, fixed: &mut FixedPoint, likes: &Likes, nearest: &[i64]) {
+    let mut models: List<ChainId, ChainId> = graph.chains.ids().collect();
+    for (chain, (_, like)) in likes.chains.numbered().filter(|(_, (part, _))| *part == likes.count / 2) {
+        models[*like] = chain;
+    }
+    for (chain, (_, like)) in likes.chains.numbered() {
+        let model = models[*like];
+        for (own, place) in graph.chains[chain].terms.clone().zip(graph.chains[model].terms.clone()) {
+            let same = graph.terms[at(own)].factor == graph.terms[at(place)].factor;
+            fixed.coefficients[at(own)] = if same { fixed.coefficients[at(place)] } else { nearest[at(own)] };
         }
     }
 }

@@ -5,6 +5,10 @@
 //! in what they are added to and in their weights. One round, which reads values and
 //! writes their successors into buffers that swap, then stands for all. It is a step graph of its own, of one stage; a
 //! schedule of it is unrolled into a schedule of the whole step.
+//!
+//! Where a step falls into parts that are alike ([`crate::parts`]), a round is what one of them computes.
+
+mod parts;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,6 +17,8 @@ use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, 
 use pe_ir::index::{self, ChainId, EquationId, List, PeId, StateId, at};
 use pe_ir::pasts::Pasts;
 use pe_ir::schedule::{Schedule, Transfer};
+
+use parts::Turns;
 
 /// What a step is made of: rounds, and the values and chains of one.
 #[derive(Clone, Debug)]
@@ -32,6 +38,8 @@ pub struct Rounds<'a> {
     pub base_last: bool,
     /// Whether each state has a running sum, which takes its place as the base of the last round.
     pub sums: bool,
+    /// Where each round is that of another part of the step.
+    turns: Turns,
 }
 
 impl<'a> Rounds<'a> {
@@ -46,6 +54,7 @@ impl<'a> Rounds<'a> {
             originals: (0..graph.values.len() as u32).map(ValueId::new).collect(),
             base_last: false,
             sums: false,
+            turns: Turns::default(),
         }
     }
 
@@ -105,6 +114,10 @@ impl<'a> Rounds<'a> {
         let mut receives: BTreeMap<ValueId, Vec<(PeId, u32)>> = BTreeMap::new();
         for transfer in &round.transfers {
             receives.entry(transfer.value).or_default().push((transfer.to, transfer.receive));
+        }
+        if self.are_parts() {
+            let transfers = self.unrolled_transfers(length, &receives);
+            return Schedule { period: length * self.count, starts, order, transfers };
         }
         let mut transfers: Vec<Transfer> = Vec::new();
         for (index, value) in step.values.iter().enumerate() {
@@ -227,6 +240,7 @@ impl Finder<'_> {
             originals: likes.originals,
             base_last: first && !sums,
             sums,
+            turns: Turns::default(),
         })
     }
 

@@ -15,8 +15,8 @@ use pe_hls::rounding::{self, Aim, Sampling};
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_hls::{
-    assemble, even, functions, fuse, grid, lift, outputs, pairs, relay, rings, route, schedule, shorten, split, step,
-    sums, two_slots,
+    assemble, even, functions, fuse, grid, lift, outputs, pairs, parts, relay, rings, route, schedule, shorten, split,
+    step, sums, two_slots,
 };
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
@@ -268,6 +268,22 @@ fn grid_cuts_sums_over_nearly_everything() {
         let latency = Latency::of(&case.format());
         let on_grid = grid::grid(&case.graph(), case.option("pes", 4), case.option("max_in_degree", 15), latency);
         step_or_unchanged(on_grid.as_ref().map(|on_grid| &on_grid.graph))
+    });
+}
+
+#[test]
+fn parts_that_are_alike_get_the_same_terms() {
+    check("parts", |case| {
+        let arranged = parts::arranged(&case.graph(), case.option("pes", 1));
+        if let Some(arranged) = &arranged {
+            let parts = &arranged.parts;
+            assert!(parts.of.numbered().all(|(equation, (part, like))| (*part == 0) == (equation == *like)));
+        }
+        // Texts have the terms only.
+        let text = |graph: StepGraph| {
+            format!("{} parts\n{}", graph.parts.count, valid_step(&StepGraph { parts: Default::default(), ..graph }))
+        };
+        arranged.map_or("unchanged\n".to_owned(), text)
     });
 }
 

@@ -10,6 +10,7 @@ use std::ops::Range;
 use crate::functions::{Functions, Lookup, Scaled};
 use crate::index::{self, ChainId, EquationId, List, PeId, StateId, at};
 use crate::model::Model;
+use crate::parts::Parts;
 use crate::source::Span;
 use crate::word::{Latency, WordFormat};
 
@@ -279,6 +280,8 @@ pub struct StepGraph {
     /// Names: states, inputs, algebraic variables, outputs. States that the method keeps from step to step, such as
     /// slopes, come after those of the model.
     pub names: Names,
+    /// Parts of the step that are computed in turns.
+    pub parts: Parts,
 }
 
 /// How the matrix of linear systems is eliminated.
@@ -382,6 +385,7 @@ impl StepGraph {
             constant_pivot: self.constant_pivot,
             eliminations: self.eliminations.clone(),
             names: self.names.clone(),
+            parts: self.parts.clone(),
         }
     }
 

@@ -22,6 +22,7 @@ pub mod model;
 pub mod motion;
 mod moved;
 pub mod multiplier;
+pub mod parts;
 pub mod pasts;
 pub mod place;
 pub mod program;

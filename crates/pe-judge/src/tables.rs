@@ -32,6 +32,30 @@ pub fn tabulate(
     format: WordFormat,
     progress: &dyn Progress,
 ) -> Result<StepGraph, Vec<Diagnostic>> {
+    tabulated(model, graph, format, model.has_jumps(), progress)
+}
+
+/// The same, where functions that are the same but for indices shall share tables as far as they have values for all of their
+/// arguments.
+///
+/// # Errors
+/// Those of [`tabulate`].
+pub fn tabulate_alike(
+    model: &Model,
+    graph: &StepGraph,
+    format: WordFormat,
+    progress: &dyn Progress,
+) -> Result<StepGraph, Vec<Diagnostic>> {
+    tabulated(model, graph, format, true, progress)
+}
+
+fn tabulated(
+    model: &Model,
+    graph: &StepGraph,
+    format: WordFormat,
+    alike: bool,
+    progress: &dyn Progress,
+) -> Result<StepGraph, Vec<Diagnostic>> {
     progress.set_length(model.steps());
     let mut run = DoubleRun::new(graph);
     for step in 0..model.steps() {
@@ -58,7 +82,7 @@ pub fn tabulate(
     }
     let eliminations = pivots::ranged(model, graph, &arguments)?;
     angles::include_arguments(model, graph, &mut arguments);
-    let stated = with_stated(model, graph, &arguments);
+    let stated = with_stated(model, graph, &arguments, alike);
     // A function need not have a value wherever its argument may be expected.
     let kept = kept(model, graph);
     let beyond = stated.as_ref().and_then(|stated| pe_hls::functions::tabulate(graph, stated, format, &kept).ok());
@@ -97,12 +121,12 @@ fn kept(model: &Model, graph: &StepGraph) -> Vec<ValueId> {
 /// Part of their magnitude by which arguments go beyond those of the run where events may come earlier or later.
 const BESIDE_EVENTS: f64 = 0.25;
 
-/// The arguments with the stated ranges of variables that functions are applied to as they are, and with what they may be
-/// beside events; none if there are no such.
-fn with_stated(model: &Model, graph: &StepGraph, arguments: &[(f64, f64)]) -> Option<Vec<(f64, f64)>> {
+/// The arguments with the stated ranges of variables that functions are applied to as they are, with what they may be
+/// beside events, and, if `alike`, with those of elements of the same arrays; none if there are no such.
+fn with_stated(model: &Model, graph: &StepGraph, arguments: &[(f64, f64)], alike: bool) -> Option<Vec<(f64, f64)>> {
     let mut all = arguments.to_vec();
     let left_at = runs::left_at(model, graph);
-    if model.has_jumps() {
+    if alike {
         Siblings::of(graph).share(&mut all, |one, other| (one.0.min(other.0), one.1.max(other.1)));
     }
     for chain in graph.chains.iter().filter(|chain| chain.function.is_some()) {

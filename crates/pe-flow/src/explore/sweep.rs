@@ -32,6 +32,7 @@ use crate::candidates::Network;
 use crate::failure::Failure;
 use crate::known::Known;
 use crate::outputs;
+use crate::parts;
 use crate::pipeline::{self, Compared, Stepped, Unformatted};
 use crate::report::{Figures, Silicon, Told};
 use crate::settings::Settings;
@@ -447,7 +448,11 @@ impl Sweep {
         let (mut graph, mut judged, mut total) = (Arc::clone(graph), Arc::clone(judged), total.clone());
         // Heavy equations are split differently for every number of PEs, and tables shortened; then nothing is shared.
         let words = point.format(&loaded.model).map_err(|text| failed(Failure::Usage(text)))?;
-        if let Some(split) = sized::for_pes(&base.stepped.graph, point.pes, None, &self.settings.mapping, words) {
+        let options = &self.settings.mapping;
+        let split = sized::for_pes(&base.stepped.graph, point.pes, None, options, words);
+        let whole = split.as_ref().unwrap_or(&base.stepped.graph);
+        let arranged = parts::arranged(loaded, whole, point, options, (point.pes, words));
+        if let Some(split) = arranged.or(split) {
             let stepped = pipeline::run(loaded, split, &mut Stopwatch::silent()).map_err(failed)?;
             let (of_split, judged_split) = self.judged(base, &stepped, point)?;
             total = self.total(base, &judged_split, point, &Cell::new(0.0), sender);

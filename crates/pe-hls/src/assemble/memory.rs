@@ -53,6 +53,8 @@ pub(super) struct Depths {
     pub indices: u32,
     /// Bits that count the words of a ring.
     pub ring_bits: u32,
+    /// Words of a part's states in own and base memory, and of those in the imported memory; a power of two.
+    pub strides: [u32; 2],
 }
 
 /// Places of all values.
@@ -76,8 +78,8 @@ impl Memories {
     }
 
     /// All imports in order.
-    pub fn imports(&self) -> impl Iterator<Item = (ValueId, PeId, Place)> {
-        self.imported.iter().map(|((value, pe), place)| (*value, *pe, *place))
+    pub fn imports(&self) -> impl Iterator<Item = (ValueId, PeId)> {
+        self.imported.iter().map(|(import, _)| *import)
     }
 
     /// Places the values of one round.
@@ -209,6 +211,14 @@ impl Memories {
             } else {
                 self.homes[state.index()].base = Some(bases[pe]);
                 bases[pe] += 1;
+            }
+        }
+        // The states of a part side by side, those of all parts one behind the other.
+        if rounds.are_parts() {
+            for (pe, depths) in self.depths.numbered_mut() {
+                depths.strides[0] = if bases[pe] > 0 { bases[pe].next_power_of_two() } else { 0 };
+                bases[pe] = rounds.count * depths.strides[0];
+                layouts[pe].pairs = bases[pe];
             }
         }
         // Of a one-stage solver these are states before their jumps.
@@ -346,6 +356,12 @@ impl Memories {
             }
         }
         let mut slots: Vec<(usize, Slot)> = pairs;
+        if rounds.are_parts() {
+            for (pe, layout) in layouts.numbered_mut() {
+                self.depths[pe].strides[1] = layout.pairs.next_power_of_two();
+                layout.pairs = if layout.pairs > 0 { rounds.count * self.depths[pe].strides[1] } else { 0 };
+            }
+        }
         for (pe, arcs) in arcs.numbered_mut() {
             let (assigned, count) = pack(std::mem::take(arcs), schedule.period);
             let base = layouts[pe].single;

@@ -1,5 +1,6 @@
 //! Assembles the program: registers, control words, memory images, links.
 
+mod coefficients;
 mod limits;
 mod memory;
 mod provenance;
@@ -13,16 +14,16 @@ use pe_ir::functions::Lookup;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
 use pe_ir::index::{self, ChainId, List, PeId, PortId, StateId};
 use pe_ir::mapping::Mapping;
-use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
 use pe_ir::pasts::Pasts;
 use pe_ir::program::{
     Address, CoefficientOperand, ControlWord, InputPort, Layout, LinkSource, Note, OutputPort, PeFeatures, PeProgram,
-    Program, StateRegister, Target, Tick, index_bits,
+    Program, StateRegister, Target, Tick,
 };
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
 
+use coefficients::Coefficients;
 pub use limits::TooLarge;
 use memory::Memories;
 pub use provenance::coefficients;
@@ -55,9 +56,9 @@ pub fn assemble_rounds(
     rounds: &Rounds,
     round: &Schedule,
 ) -> Result<Program, TooLarge> {
-    let memories = Memories::allocate(rounds, fixed, mapping, round);
+    let memories = Memories::allocate(rounds, fixed, &rounds.mapping(mapping), round);
     let schedule = &rounds.unroll(graph, round);
-    let coefficients = List::filled(BTreeMap::new(), index::at(mapping.pes));
+    let coefficients = Coefficients::of(rounds, graph, &fixed.coefficients, index::at(mapping.pes));
     let latency = Latency::of(&fixed.format);
     let read = graph.chains.iter().flat_map(Chain::writes).filter_map(|write| graph.lookup(write.base?));
     let octaves =
@@ -96,8 +97,8 @@ struct Assembler<'a> {
     rounds: &'a Rounds<'a>,
     schedule: &'a Schedule,
     memories: Memories,
-    /// Words of the distinct coefficients of each PE, if it has a coefficient memory.
-    coefficients: List<PeId, BTreeMap<i64, u32>>,
+    /// Where the coefficients of each PE stand.
+    coefficients: Coefficients,
     /// Arguments of tables that are read, and whether their indices count octaves.
     octaves: BTreeMap<ValueId, bool>,
     /// For each value whether sums are added to it, or it is a state of the next step.
@@ -218,53 +219,6 @@ impl Assembler<'_> {
         }
     }
 
-    /// Decides where the coefficients of each PE stand. Factors need a coefficient memory, which then holds them all;
-    /// otherwise the cheaper place is taken: the control word, or a memory of the distinct ones and an index.
-    fn place_coefficients(&mut self, pes: &mut List<PeId, PeProgram>) {
-        let mut distinct: List<PeId, Vec<i64>> = List::filled(Vec::new(), pes.len());
-        for chain in &self.graph.chains {
-            let pe = self.mapping.pe_of[chain.equation];
-            for term in chain.terms.clone() {
-                if let Factor::Coefficient(_) = self.graph.terms[index::at(term)].factor {
-                    distinct[pe].push(self.fixed.coefficients[index::at(term)]);
-                }
-            }
-        }
-        for ((number, pe), mut distinct) in pes.numbered_mut().zip(distinct) {
-            distinct.sort_unstable();
-            distinct.dedup();
-            let format = &self.fixed.format;
-            let factors = self.memories.depths[number].factors;
-            let words = depth(factors + index::number(distinct.len()));
-            let indexed = Layout::bits_of(&PeFeatures { coefficient_words: words, ..pe.features.clone() }, format);
-            let in_word = indexed - index_bits(words) + format.coefficient_bits;
-            // Coefficients differ from round to round; everything else is the same.
-            let (period, count) = (self.schedule.period, self.rounds.count);
-            let program = |bits: u32, streamed: u32| match count {
-                1 => cells::rom(period, bits).equivalent_luts(),
-                _ => {
-                    cells::rom(period, streamed).equivalent_luts()
-                        + cells::rom(period / count, bits - streamed).equivalent_luts()
-                }
-            };
-            let memory = cells::rom(words, format.coefficient_bits).equivalent_luts();
-            if !pe.features.factor
-                && in_word < Layout::MOST_BITS
-                && program(in_word, format.coefficient_bits) <= program(indexed, index_bits(words)) + memory
-            {
-                continue;
-            }
-            pe.features.coefficient_words = words;
-            pe.coefficient_image = vec![0; index::at(words)];
-            for (word, coefficient) in (factors..).zip(distinct) {
-                pe.coefficient_image[index::at(word)] = coefficient;
-                self.coefficients[number].insert(coefficient, word);
-            }
-            let blank = ControlWord { coefficient: CoefficientOperand::Stored(0), ..ControlWord::default() };
-            pe.words.fill(blank);
-        }
-    }
-
     /// Writes the columns of tables into the images.
     fn place_columns(&self, pes: &mut List<PeId, PeProgram>) {
         let functions = &self.graph.functions;
@@ -292,6 +246,7 @@ impl Assembler<'_> {
         let place = self.memories.homes[like.index()].own.expect("operands are in the own memory");
         let pe = self.home(value).expect("own values have a PE");
         let depths = self.memories.depths[pe];
+        let place = memory::Place { word: place.word + self.of_part(value, depths.strides[0]), ..place };
         self.address((place, swaps), (depths.own, depths.ring_bits), time)
     }
 
@@ -300,6 +255,7 @@ impl Assembler<'_> {
         let (like, swaps) = self.rounds.value(value);
         let place = self.memories.import(like, pe);
         let depths = self.memories.depths[pe];
+        let place = memory::Place { word: place.word + self.of_part(value, depths.strides[1]), ..place };
         self.address((place, swaps), (depths.imported, depths.ring_bits), time)
     }
 
@@ -320,7 +276,17 @@ impl Assembler<'_> {
 
     fn base_word(&self, value: ValueId) -> u16 {
         let word = self.memories.homes[self.rounds.value(value).0.index()].base.expect("bases are in the base memory");
-        u16::try_from(word).expect("memory depth")
+        let strides = self.home(value).map(|pe| self.memories.depths[pe].strides);
+        let of_part = strides.map_or(0, |[own, _]| self.of_part(value, own));
+        u16::try_from(word + of_part).expect("memory depth")
+    }
+
+    /// Where the words of a state's part begin, if the part of each state has its own words.
+    fn of_part(&self, value: ValueId, stride: u32) -> u32 {
+        match self.graph.value(value).role {
+            Role::State(_) | Role::Next(_) => self.rounds.part(value) * stride,
+            _ => 0,
+        }
     }
 
     /// Word of the index memory of a table's argument.
@@ -365,11 +331,8 @@ impl Assembler<'_> {
             }
             word.coefficient = match term.factor {
                 Factor::Coefficient(_) => {
-                    let coefficient = self.fixed.coefficients[term_index];
-                    let stored = self.coefficients[number].get(&coefficient);
-                    stored.map_or(CoefficientOperand::Coefficient(coefficient), |word| {
-                        CoefficientOperand::Stored(*word as u16)
-                    })
+                    let place = self.schedule.order[index::at(position)] - chain.terms.start;
+                    self.coefficient(number, index, place)
                 }
                 Factor::Value(value) => {
                     let like = self.rounds.value(value).0;
@@ -448,12 +411,13 @@ impl Assembler<'_> {
                 tunable: self.model.states.find(index).is_some_and(|state| state.tunable),
             });
         }
-        for (value, pe, place) in self.memories.imports() {
-            if let Role::State(state) = self.rounds.graph.value(value).role {
-                let depths = self.memories.depths[pe];
-                let address = self.address((place, 0), (depths.imported, depths.ring_bits), 0);
-                states[state].imported.push((pe, address.word));
-            }
+        let mut imported: BTreeMap<ValueId, Vec<PeId>> = BTreeMap::new();
+        for (value, pe) in self.memories.imports() {
+            imported.entry(value).or_default().push(pe);
+        }
+        for (state, (start, _)) in states.iter_mut().zip(&self.graph.states) {
+            let pes = imported.get(&self.rounds.value(*start).0).into_iter().flatten();
+            state.imported.extend(pes.map(|pe| (*pe, self.imported_address(*start, *pe, 0).word)));
         }
         for (state, initial) in states.iter().zip(&self.graph.initial) {
             let (word, _) = self.fixed.format.encode(*initial, state.exponent, self.fixed.format.data_offset());

@@ -248,6 +248,11 @@ impl Problem {
         let returning = |state: &StateId| pasts.find(*state).is_none_or(|past| past.age == 1);
         problem.states = graph.states.ids().filter(returning).map(|state| end(&graph.states[state])).collect();
         problem.link(graph, &producers);
+        // A state of one part of many was written a round of each part ago.
+        if graph.parts.is_one_of_many() {
+            problem.states.clear();
+            problem.state_imports.clear();
+        }
         problem.order(graph, &producers, &renumbered, |state| in_place && pasts.find(state).is_none());
         problem.prioritise();
         problem

@@ -243,6 +243,7 @@ pub(super) mod tests {
             constant_pivot: None,
             eliminations: Vec::new(),
             names: Names::default(),
+            parts: Default::default(),
         }
     }
 

@@ -158,6 +158,7 @@ impl Builder {
             constant_pivot: None,
             eliminations: Vec::new(),
             names: Names::of(model),
+            parts: Default::default(),
         };
         for (index, state) in model.states.iter().enumerate() {
             let number = StateId::at(index);

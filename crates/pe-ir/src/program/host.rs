@@ -151,7 +151,7 @@ impl Program {
         self.outputs.iter().map(|output| shown.get(&(output.pe, output.word)).copied()).collect()
     }
 
-    /// Control words that write the base word of each state in the last round of a step, as they come.
+    /// Control words that write the base word of each state, as they come: those of the last round that does.
     pub fn state_writers(&self) -> Vec<Vec<u32>> {
         let mut places: Vec<Vec<Option<StateId>>> =
             self.pes.iter().map(|pe| vec![None; at(pe.features.base_words)]).collect();
@@ -162,13 +162,18 @@ impl Program {
         let mut writers = vec![Vec::new(); self.states.len()];
         for (pe, places) in self.pes.iter().zip(&places) {
             for (number, word) in (0..).zip(&pe.words) {
-                let Some(target) = word.write.filter(|target| target.base && self.ends_step(number)) else { continue };
+                let Some(target) = word.write.filter(|target| target.base) else { continue };
                 if let Some(state) = places[pe.features.base_word(target.address.word)] {
                     writers[state.index()].push(number);
                 }
             }
         }
-        writers.iter_mut().for_each(|words| words.sort_unstable_by_key(|word| self.since_pause(*word)));
+        for words in &mut writers {
+            words.sort_unstable_by_key(|word| self.since_pause(*word));
+            let round = |word: u32| self.since_pause(word) / self.round_words();
+            let last = words.last().map(|word| round(*word));
+            words.retain(|word| Some(round(*word)) == last);
+        }
         writers
     }
 }

@@ -596,5 +596,6 @@ fn empty(step: f64, form: StageForm, stages: u32) -> StepGraph {
         constant_pivot: None,
         eliminations: Vec::new(),
         names: Default::default(),
+        parts: Default::default(),
     }
 }
