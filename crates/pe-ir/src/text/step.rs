@@ -111,9 +111,8 @@ impl Printer<'_> {
             writeln!(f, "output {label} value {}", value(*output))?;
         }
         for (index, equation) in graph.equations.iter().enumerate() {
-            write!(f, "equation {}", called(&self.labels.equations, index, &equation.name))?;
-            equation.place.map_or(Ok(()), |pe| write!(f, " place {pe}"))?;
-            writeln!(f)?;
+            let place = equation.place.map_or_else(String::new, |pe| format!(" place {pe}"));
+            writeln!(f, "equation {}{place}", called(&self.labels.equations, index, &equation.name))?;
         }
         for (index, stored) in graph.values.iter().enumerate() {
             write!(f, "value {} {}", self.labels.values.text(index::number(index)), self.role(stored.role))?;
