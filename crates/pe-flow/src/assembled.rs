@@ -8,6 +8,7 @@ use pe_ir::model::Model;
 use pe_ir::program::Program;
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
+use pe_judge::runs::Judged;
 use pe_target::area::{self, Family};
 
 use crate::settings::StageLoop;
@@ -20,6 +21,19 @@ pub struct Assembled {
     pub flat: Option<Schedule>,
     /// The program.
     pub program: Program,
+}
+
+/// What a program costs: area in equivalent LUTs times cycles per step.
+pub fn cost(program: &Program) -> f64 {
+    area::estimate(program, Family::default()).equivalent_luts() * f64::from(program.period)
+}
+
+/// Leaves out of a program what its issued step is proven not to need.
+pub fn leave_out_proven(program: &mut Program, judged: &Judged, issued: &StepGraph, mapping: &Mapping) {
+    match &judged.proof {
+        Some(proof) => proof.leave_out(program, issued, mapping),
+        None => program.pes.iter_mut().for_each(|pe| pe.features.proven = false),
+    }
 }
 
 /// Assembles the schedule, or one of rounds that are alike, whichever takes the smaller product of area and cycles.
@@ -40,8 +54,6 @@ pub fn assemble(
     }
     let Some(rounds) = Rounds::of(graph, fixed) else { return Ok(Assembled { schedule, flat: None, program }) };
     let round = pe_hls::schedule::schedule(&rounds.graph, mapping, Latency::of(&fixed.format));
-    let cost =
-        |program: &Program| area::estimate(program, Family::default()).equivalent_luts() * f64::from(program.period);
     match pe_hls::assemble::assemble_rounds(model, graph, fixed, mapping, &rounds, &round) {
         Ok(looped) if stage_loop == StageLoop::On || cost(&looped) < cost(&program) => {
             Ok(Assembled { schedule: rounds.unroll(graph, &round), flat: Some(schedule), program: looped })

@@ -299,13 +299,13 @@ impl<'a> Candidates<'a> {
             }
         }
         let equations = set.alternatives[0].problem.equations();
-        set.gather(|ports| map_options(pes, equations, ports), aim);
+        set.gather(|ports| map_options(pes, equations, ports), aim, options.most_ports());
         Ok(set)
     }
 
     /// Adds mappings in which equations with the same tables are together, made from the best ones of the step as it is,
-    /// where that saves blocks of memory.
-    fn gather(&mut self, options: impl Fn(u32) -> MapOptions, aim: u32) {
+    /// where that saves blocks of memory. Teams that need more ports than aimed at may have as many as there are at most.
+    fn gather(&mut self, options: impl Fn(u32) -> MapOptions, aim: u32, most: u32) {
         let plain = &self.alternatives[0];
         let tables = if plain.copies() { None } else { Tables::of(&plain.graph, &plain.fixed) };
         let Some(tables) = tables else { return };
@@ -318,9 +318,12 @@ impl<'a> Candidates<'a> {
         let mut gathered: Vec<Candidate> = gathered.collect();
         let best = self.candidates.iter().zip(&self.of).find(|(_, of)| **of == 0).map(|(candidate, _)| candidate);
         let teams = best.and_then(|best| {
+            let within = |ports: u32| {
+                let teams = mapping::in_teams(&plain.problem, &tables, &best.mapping, &options(ports))?;
+                (teams.cost.max_in_degree <= ports).then_some(teams)
+            };
             let ports = aim.max(best.cost.max_in_degree);
-            let teams = mapping::in_teams(&plain.problem, &tables, &best.mapping, &options(ports))?;
-            (teams.cost.max_in_degree <= ports).then_some(teams)
+            within(ports).or_else(|| (most > ports).then(|| within(most)).flatten())
         });
         let fewest = gathered.iter().chain(best).map(|other| tables.blocks(&other.mapping)).min();
         gathered.extend(teams.filter(|teams| fewest.is_some_and(|fewest| tables.blocks(&teams.mapping) < fewest)));

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pe_hls::mapping::WireLength;
+use pe_hls::mapping::{Candidate, WireLength};
 use pe_hls::pairs::Paired;
 use pe_hls::schedule::Bound;
 use pe_ir::graph::StepGraph;
@@ -28,6 +28,14 @@ pub struct StartResult {
     pub relays: u32,
     /// Copies in a step that carry values over other PEs.
     pub hops: u32,
+}
+
+impl StartResult {
+    /// That of a candidate without copies whose schedule takes so many cycles.
+    pub fn of(candidate: &Candidate, period: u32) -> StartResult {
+        let Candidate { start, start_cost: before, cost: after, .. } = *candidate;
+        StartResult { start, before, after, period, relays: 0, hops: 0 }
+    }
 }
 
 /// Everything that was decided about a model.

@@ -10,8 +10,8 @@ use pe_ir::source::Diagnostic;
 use pe_ir::word::{Latency, WordFormat};
 use pe_judge::runs::Judged;
 use pe_judge::{Coefficients, DesignPoint};
-use pe_target::area::{self, Family};
 
+use crate::assembled::{cost, leave_out_proven};
 use crate::candidates::{self, Candidates, Network};
 use crate::design::{Design, StartResult};
 use crate::known::Known;
@@ -56,14 +56,15 @@ pub fn arranged(
     is_long.then(|| pe_hls::parts::arranged(graph, pes)).flatten()
 }
 
-/// What a design costs: area times cycles.
-pub fn cost(design: &Design) -> f64 {
-    let Design { program, .. } = design;
-    area::estimate(program, Family::default()).equivalent_luts() * f64::from(program.period)
+/// Keeps the items whose index is to be kept.
+fn retain<T>(items: &mut Vec<T>, keep: &mut impl FnMut(usize) -> bool) {
+    let mut index = 0..;
+    items.retain(|_| index.next().is_some_and(&mut *keep));
 }
 
-/// Designs the network of a step whose rounds are parts, with warnings about it. None if there is no mapping without copies of
-/// values, or if memories would be beyond what there is.
+/// Designs the network of a step whose rounds are parts, with warnings about it; not checked. Of the best mapping, and of the
+/// best one in which equations with the same tables are together, the one whose program is cheaper. None if there is no mapping
+/// without copies of values, or if memories would be beyond what there is.
 pub fn implement(
     loaded: &LoadedModel,
     (graph, judged): (&Arc<StepGraph>, &Arc<Judged>),
@@ -89,8 +90,15 @@ pub fn implement(
             Err(_) => "impossible".to_owned(),
         },
     );
-    let Candidates { alternatives, candidates, of, plain, gathered, blocks, .. } = mapped.ok()?;
-    if of.iter().any(|of| alternatives[*of].copies()) {
+    let Candidates { alternatives, mut candidates, mut of, mut blocks, gathered, .. } = mapped.ok()?;
+    // Copies of values are in no round.
+    let copies: Vec<bool> = of.iter().map(|of| alternatives[*of].copies()).collect();
+    let mut keep = |index: usize| !copies[index];
+    retain(&mut candidates, &mut keep);
+    retain(&mut of, &mut keep);
+    retain(&mut blocks, &mut keep);
+    let plain = candidates.len() - gathered;
+    if candidates.is_empty() {
         return None;
     }
     let graphs: Vec<&StepGraph> = candidates.iter().map(|_| &*part).collect();
@@ -99,32 +107,37 @@ pub fn implement(
         |say| selection::all_schedules(&graphs, &candidates, (plain, gathered), (latency, price), known, say),
         |schedules: &Vec<_>| selection::shortest(schedules),
     );
-    let order = selection::order(&candidates, &schedules, &blocks, (plain, gathered), price);
-    let start = |index: &usize| StartResult {
-        start: candidates[*index].start,
-        before: candidates[*index].start_cost,
-        after: candidates[*index].cost,
-        period: schedules[*index].period * rounds.count,
-        relays: 0,
-        hops: 0,
-    };
-    let starts: Vec<StartResult> = order.iter().map(start).collect();
-    let (taken, round) = (&candidates[order[0]], &schedules[order[0]]);
-    let told = candidates::other_than_asked(network, options, &alternatives[of[order[0]]], taken);
-    let mapping = rounds.spread(&taken.mapping);
-    let assembled = watch.stage(
+    let mut order = selection::order(&candidates, &schedules, &blocks, (plain, gathered), price);
+    let best = |is_gathered: bool| order.iter().position(|index| (*index >= plain) == is_gathered);
+    // What tables and words of the program take together is known of programs only.
+    let places: Vec<usize> = [best(false), best(true)].into_iter().flatten().collect();
+    let programs = watch.stage(
         "assemble",
-        || pe_hls::assemble::assemble_rounds(&loaded.model, graph, &judged.fixed, &mapping, rounds, round),
-        |assembled| match assembled {
-            Ok(program) => format!("{} PEs, {} rounds of parts", program.pes.len(), program.rounds),
-            Err(_) => "refused".to_owned(),
+        || {
+            let of = |place: &usize| {
+                let (taken, round) = (&candidates[order[*place]], &schedules[order[*place]]);
+                let mapping = rounds.spread(&taken.mapping);
+                let assembled =
+                    pe_hls::assemble::assemble_rounds(&loaded.model, graph, &judged.fixed, &mapping, rounds, round);
+                let mut program = assembled.ok()?;
+                leave_out_proven(&mut program, judged, graph, &mapping);
+                Some((*place, mapping, program))
+            };
+            let programs = places.iter().filter_map(of);
+            programs.min_by(|(_, _, one), (_, _, other)| cost(one).total_cmp(&cost(other)))
+        },
+        |cheapest| match cheapest {
+            Some((_, _, program)) => format!("{} PEs, {} rounds of parts", program.pes.len(), program.rounds),
+            None => "refused".to_owned(),
         },
     );
-    let mut program = assembled.ok()?;
-    match &judged.proof {
-        Some(proof) => proof.leave_out(&mut program, graph, &mapping),
-        None => program.pes.iter_mut().for_each(|pe| pe.features.proven = false),
-    }
+    let (place, mapping, program) = programs?;
+    order[..=place].rotate_right(1);
+    let starts: Vec<StartResult> = (order.iter())
+        .map(|index| StartResult::of(&candidates[*index], schedules[*index].period * rounds.count))
+        .collect();
+    let (taken, round) = (&candidates[order[0]], &schedules[order[0]]);
+    let told = candidates::other_than_asked(network, options, &alternatives[of[order[0]]], taken);
     let problem = mapping::Problem::of(graph);
     let design = Design {
         bound: Bound::of(graph, mapping.pes, latency),

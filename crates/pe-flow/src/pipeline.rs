@@ -27,7 +27,7 @@ use pe_ir::source::Diagnostic;
 use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
-use crate::assembled::{Assembled, assemble};
+use crate::assembled::{Assembled, assemble, cost, leave_out_proven};
 use crate::candidates::{self, Candidates, Network};
 pub use crate::design::{Design, StartResult};
 use crate::elimination;
@@ -292,28 +292,29 @@ fn implement_step(
 ) -> Result<Design, Failure> {
     let asked = network.given.is_none() && mapping_options.stage_loop != StageLoop::Off;
     let rounds = asked.then(|| Rounds::of_parts(graph, &judged.fixed)).flatten();
-    let Some(rounds) = rounds else {
-        return implement_whole(loaded, graph, judged, network, mapping_options, known, watch);
+    let whole = |network: Network, watch: &mut Stopwatch| {
+        implement_whole(loaded, graph, judged, network, mapping_options, known, watch)
     };
+    let taken = |(design, told): (Design, Vec<Diagnostic>), watch: &mut Stopwatch| {
+        watch.warn(&told, &loaded.sources);
+        let latency = Latency::of(&judged.fixed.format);
+        let figure = |_: &_| "mapping, schedule, program".to_owned();
+        watch.stage_saying("check", |say| check(&design, latency, mapping_options, say), figure)?;
+        Ok(design)
+    };
+    let Some(rounds) = rounds else { return whole(network, watch).and_then(|whole| taken(whole, watch)) };
     let of_parts = parts::implement(loaded, (graph, judged), &rounds, &network, mapping_options, known, watch);
-    let is_on = mapping_options.stage_loop == StageLoop::On;
-    let whole =
-        |watch: &mut Stopwatch| implement_whole(loaded, graph, judged, network.clone(), mapping_options, known, watch);
-    let Some((design, told)) = of_parts else { return whole(watch) };
-    if !is_on
-        && let Ok(whole) = whole(watch)
-        && parts::cost(&whole) <= parts::cost(&design)
+    let Some(of_parts) = of_parts else { return whole(network, watch).and_then(|whole| taken(whole, watch)) };
+    if mapping_options.stage_loop != StageLoop::On
+        && let Ok(whole) = whole(network, watch)
+        && cost(&whole.0.program) <= cost(&of_parts.0.program)
     {
-        return Ok(whole);
+        return taken(whole, watch);
     }
-    watch.warn(&told, &loaded.sources);
-    let latency = Latency::of(&judged.fixed.format);
-    let figure = |_: &_| "mapping, schedule, program".to_owned();
-    watch.stage_saying("check", |say| check(&design, latency, mapping_options, say), figure)?;
-    Ok(design)
+    taken(of_parts, watch)
 }
 
-/// The same in one round, or in rounds of stages.
+/// The same in one round, or in rounds of stages, with warnings about the network; not checked.
 fn implement_whole(
     loaded: &LoadedModel,
     graph: &Arc<StepGraph>,
@@ -322,7 +323,7 @@ fn implement_whole(
     mapping_options: &MappingOptions,
     known: &Known,
     watch: &mut Stopwatch,
-) -> Result<Design, Failure> {
+) -> Result<(Design, Vec<Diagnostic>), Failure> {
     let latency = Latency::of(&judged.fixed.format);
     let mapped = watch.stage(
         "map",
@@ -358,19 +359,14 @@ fn implement_whole(
     let order = selection::order(&candidates, &schedules, &blocks, (plain, gathered), price);
     let starts: Vec<StartResult> = order
         .iter()
-        .map(|index| StartResult {
-            start: candidates[*index].start,
-            before: candidates[*index].start_cost,
-            after: candidates[*index].cost,
-            period: schedules[*index].period,
-            relays: alternative(*index).relays,
-            hops: alternative(*index).hops(),
+        .map(|index| {
+            let (relays, hops) = (alternative(*index).relays, alternative(*index).hops());
+            StartResult { relays, hops, ..StartResult::of(&candidates[*index], schedules[*index].period) }
         })
         .collect();
     let taken = order[0];
     let alternative = alternative(taken);
     let told = candidates::other_than_asked(&network, mapping_options, alternative, &candidates[taken]);
-    watch.warn(&told, &loaded.sources);
     let schedule = schedules.into_iter().nth(taken).expect("ranked above");
     let candidate = candidates.into_iter().nth(taken).expect("ranked above");
     let paired = pairs.into_iter().nth(taken).expect("ranked above");
@@ -398,10 +394,7 @@ fn implement_whole(
         let enclosed = proof::enclose(&alternative.graph, &judged.fixed, loaded.model.steps());
         judged = Arc::new(Judged { proof: Some(proof::Proof { enclosed, ..proof.clone() }), ..Judged::clone(&judged) });
     }
-    match &judged.proof {
-        Some(proof) => proof.leave_out(&mut program, issued, &candidate.mapping),
-        None => program.pes.iter_mut().for_each(|pe| pe.features.proven = false),
-    }
+    leave_out_proven(&mut program, &judged, issued, &candidate.mapping);
     let design = Design {
         bound: Bound::of(&alternative.least, taken_pes, latency),
         wires: mapping::wire_length(&alternative.problem, &candidate.mapping),
@@ -418,9 +411,7 @@ fn implement_whole(
         starts,
         trials: Vec::new(),
     };
-    let figure = |_: &_| "mapping, schedule, program".to_owned();
-    watch.stage_saying("check", |say| check(&design, latency, mapping_options, say), figure)?;
-    Ok(design)
+    Ok((design, told))
 }
 
 /// The step graph that is mapped: built, and split for the number of PEs; or that of the text that the model comes

@@ -11,7 +11,7 @@
 //! Goes in: a step graph and a number of PEs with so many ports. Comes out: a graph in which the sums are cut so, with the
 //! PE of each equation as a start for the mapping. Results are the same but for the rounding of partial sums.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use pe_ir::graph::{Chain, Equation, Factor, Role, StepGraph, Term, Value, ValueId, Write};
 use pe_ir::index::{EquationId, List, PeId, at, number};
@@ -45,12 +45,13 @@ pub struct OnGrid {
 /// ports, or no grid does with so many.
 pub fn grid(graph: &StepGraph, pes: u32, ports: u32, latency: Latency) -> Option<OnGrid> {
     let rows = rows(graph, pes, ports)?;
-    let read = inputs(graph, &rows);
-    let work = Work::of(graph, &rows);
-    let mut shapes = shapes(pes, ports, number(read.len()));
+    let (homes, inputs) = (homes(graph, &rows, pes), inputs(graph, &rows));
+    let ground = Ground { graph, rows, homes, inputs };
+    let work = Work::of(graph, &ground.rows);
+    let mut shapes = shapes(pes, ports, number(ground.inputs.len()));
     shapes.sort_by_cached_key(|shape| (shape.estimate(&work, latency), shape.ports(), shape.clone()));
     let made = shapes.iter().take(MADE).filter_map(|shape| {
-        let graph = shape.applied(graph, &rows);
+        let graph = shape.applied(&ground);
         let mapping = placed(&graph)?;
         let cost = Problem::of(&graph).cost(&mapping);
         (cost.max_in_degree <= ports).then_some((graph, mapping, cost))
@@ -72,6 +73,16 @@ fn rows(graph: &StepGraph, pes: u32, ports: u32) -> Option<Vec<EquationId>> {
     };
     let dense = 2 * of(&mut rows.iter().copied()) >= of(&mut loads.ids());
     (pes > ports && rows.len() > 1 && dense).then_some(rows)
+}
+
+/// What all shapes are cut from.
+struct Ground<'a> {
+    graph: &'a StepGraph,
+    rows: Vec<EquationId>,
+    /// The PE of each equation.
+    homes: List<EquationId, PeId>,
+    /// The inputs that rows read, each with the first row that does.
+    inputs: BTreeMap<u32, EquationId>,
 }
 
 /// What there is to compute.
@@ -202,24 +213,24 @@ impl Shape {
     }
 
     /// The graph with the sums of rows cut as this shape has it.
-    fn applied(&self, graph: &StepGraph, rows: &[EquationId]) -> StepGraph {
-        let homes = homes(graph, rows, self.pes());
+    fn applied(&self, ground: &Ground) -> StepGraph {
+        let Ground { graph, rows, homes, inputs } = ground;
         let mut cut = Cut {
             shape: self,
-            inputs: inputs(graph, rows).into_iter().map(|(input, row)| (input, self.group(homes[row]))).collect(),
-            graph: graph.clone(),
+            inputs: inputs.iter().map(|(input, row)| (*input, self.group(homes[*row]))).collect(),
+            graph: StepGraph::clone(graph),
             parts: BTreeMap::new(),
             serials: BTreeMap::new(),
             chains: List::new(),
             terms: Vec::new(),
         };
-        for (equation, home) in cut.graph.equations.iter_mut().zip(&homes) {
+        for (equation, home) in cut.graph.equations.iter_mut().zip(homes) {
             equation.place = Some(*home);
         }
         for chain in &graph.chains {
             let terms = graph.chain_terms(chain);
             match rows.binary_search(&chain.equation) {
-                Ok(_) => cut.row(chain, terms, &homes),
+                Ok(_) => cut.row(chain, terms, homes),
                 Err(_) => cut.add(chain.clone(), terms),
             }
         }
@@ -236,21 +247,24 @@ fn homes(graph: &StepGraph, rows: &[EquationId], pes: u32) -> List<EquationId, P
     for (index, row) in rows.iter().enumerate() {
         homes[*row] = Some(dealt(index, rows.len()));
     }
-    let arcs = graph.dependencies();
-    let mut settled = false;
-    while !settled {
-        settled = true;
-        // What an equation reads comes first: a function of a state goes with the state, not with one of its many readers.
-        for reads in [true, false] {
-            for (read, reader) in &arcs {
-                let (equation, beside) = if reads { (*reader, *read) } else { (*read, *reader) };
-                if homes[equation].is_none() && homes[beside].is_some() {
-                    homes[equation] = homes[beside];
-                    settled = false;
-                }
-            }
-            if !settled {
-                break;
+    let mut reads: List<EquationId, Vec<EquationId>> = List::filled(Vec::new(), graph.equations.len());
+    let mut readers = reads.clone();
+    for (read, reader) in graph.dependencies() {
+        reads[reader].push(read);
+        readers[read].push(reader);
+    }
+    // What an equation reads comes first: a function of a state goes with the state, not with one of its many readers.
+    let mut to_readers: VecDeque<EquationId> = rows.iter().copied().collect();
+    let mut to_reads = to_readers.clone();
+    loop {
+        let next = to_readers.pop_front().map(|settled| (settled, &readers[settled]));
+        let next = next.or_else(|| to_reads.pop_front().map(|settled| (settled, &reads[settled])));
+        let Some((settled, beside)) = next else { break };
+        for other in beside {
+            if homes[*other].is_none() {
+                homes[*other] = homes[settled];
+                to_readers.push_back(*other);
+                to_reads.push_back(*other);
             }
         }
     }

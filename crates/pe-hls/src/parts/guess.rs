@@ -48,6 +48,15 @@ pub(super) fn divisions(graph: &StepGraph, most: u32) -> Vec<Division> {
     divisions
 }
 
+/// Equations that read the same.
+#[derive(Default)]
+struct Same {
+    /// Their kinds: one more than a part has met has the next.
+    kinds: Vec<u32>,
+    /// How many of them each part has so far.
+    met: HashMap<u32, usize>,
+}
+
 /// For each equation its part, and the equation of the first part that it may be like; none if some equation has no part, or no
 /// like.
 pub(super) fn alike(graph: &StepGraph, division: &Division) -> Option<List<EquationId, (u32, EquationId)>> {
@@ -77,7 +86,7 @@ pub(super) fn alike(graph: &StepGraph, division: &Division) -> Option<List<Equat
         *place = *count;
         *count += 1;
     }
-    let mut by_reads: HashMap<Vec<u64>, Vec<(Vec<u32>, u32)>> = HashMap::new();
+    let mut by_reads: HashMap<Vec<u64>, Same> = HashMap::new();
     let mut open: Vec<EquationId> = graph.equations.ids().filter(|equation| found[*equation].is_none()).collect();
     while !open.is_empty() {
         let before = open.len();
@@ -89,18 +98,12 @@ pub(super) fn alike(graph: &StepGraph, division: &Division) -> Option<List<Equat
             };
             // Those that read the same are told apart by their order.
             let same = by_reads.entry(reads).or_default();
-            let taken = same.iter_mut().find(|(taken, _)| !taken.contains(&part));
-            let kind = match taken {
-                Some((taken, kind)) => {
-                    taken.push(part);
-                    *kind
-                }
-                None => {
-                    let kind = next();
-                    same.push((vec![part], kind));
-                    kind
-                }
-            };
+            let place = same.met.entry(part).or_default();
+            if *place == same.kinds.len() {
+                same.kinds.push(next());
+            }
+            let kind = same.kinds[*place];
+            *place += 1;
             found[equation] = Some((part, kind));
         }
         if left.len() == before {

@@ -33,36 +33,22 @@ struct Numbers {
     lookups: Vec<Option<u32>>,
 }
 
+/// A number for each item that is in the first part, from 0 on.
+fn numbered<T>(is_first: impl Iterator<Item = bool>, new: fn(u32) -> T) -> Vec<Option<T>> {
+    let mut count = 0..;
+    is_first.map(|is_first| if is_first { count.next().map(new) } else { None }).collect()
+}
+
 impl Numbers {
     fn of(graph: &StepGraph, likes: &Likes) -> Numbers {
         let first = |value: ValueId| likes.values[value.index()].0 == 0;
-        let mut numbers = Numbers {
-            equations: List::with_capacity(graph.equations.len()),
-            values: Vec::with_capacity(graph.values.len()),
-            states: List::with_capacity(graph.states.len()),
-            lookups: Vec::with_capacity(graph.functions.lookups.len()),
-        };
-        let mut count = 0..;
-        let mut next = |is: bool| if is { count.next() } else { None };
-        for (part, _) in &graph.parts.of {
-            numbers.equations.push(next(*part == 0).map(EquationId::new));
+        let all = (0..graph.values.len()).map(ValueId::at);
+        Numbers {
+            equations: numbered(graph.parts.of.iter().map(|(part, _)| *part == 0), EquationId::new).into(),
+            values: numbered(all.map(first), ValueId::new),
+            states: numbered(graph.states.iter().map(|(start, _)| first(*start)), StateId::new).into(),
+            lookups: numbered(graph.functions.lookups.iter().map(|lookup| first(lookup.argument)), |lookup| lookup),
         }
-        let mut count = 0..;
-        let mut next = |is: bool| if is { count.next() } else { None };
-        for index in 0..graph.values.len() {
-            numbers.values.push(next(first(ValueId::at(index))).map(ValueId::new));
-        }
-        let mut count = 0..;
-        let mut next = |is: bool| if is { count.next() } else { None };
-        for (start, _) in &graph.states {
-            numbers.states.push(next(first(*start)).map(StateId::new));
-        }
-        let mut count = 0..;
-        let mut next = |is: bool| if is { count.next() } else { None };
-        for lookup in &graph.functions.lookups {
-            numbers.lookups.push(next(first(lookup.argument)));
-        }
-        numbers
     }
 
     fn value(&self, value: ValueId) -> Option<ValueId> {
