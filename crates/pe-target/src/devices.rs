@@ -1,6 +1,6 @@
 //! Devices that a design can be compared with, with the figures of their data sheets.
 //!
-//! A new device is a row of [`DEVICES`] and a row of the table in `docs/guide.md`.
+//! A new device is a row of [`DEVICES`] and a row of the table in `docs/reference.md`.
 
 use crate::area::{Area, Family};
 
@@ -81,6 +81,28 @@ pub const DEVICES: &[Device] = &[
         ffs: 282_000,
         dsps: 1_200,
         bram18s: 2 * 300,
+        clocks_measured: false,
+        source: "UltraScale Architecture and Product Data Sheet: Overview, DS890",
+    },
+    Device {
+        name: "XCVU9P",
+        vendor: "AMD Virtex UltraScale+",
+        luts: 1_182_240,
+        family: Family::UltraScale,
+        ffs: 2_364_480,
+        dsps: 6_840,
+        bram18s: 2 * 2_160,
+        clocks_measured: false,
+        source: "UltraScale Architecture and Product Data Sheet: Overview, DS890",
+    },
+    Device {
+        name: "XCVU13P",
+        vendor: "AMD Virtex UltraScale+",
+        luts: 1_728_000,
+        family: Family::UltraScale,
+        ffs: 3_456_000,
+        dsps: 12_288,
+        bram18s: 2 * 2_688,
         clocks_measured: false,
         source: "UltraScale Architecture and Product Data Sheet: Overview, DS890",
     },

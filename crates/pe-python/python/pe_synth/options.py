@@ -14,7 +14,7 @@ Value: TypeAlias = str | float
 """A number, or text as it is typed behind the option, such as '1 ms'."""
 Allow: TypeAlias = Literal["E0903", "E0907", "E0908", "E0913", "E0914", "E0915", "E0927", "E0932"]
 Coefficients: TypeAlias = Literal["one-slot", "two-slot", "auto"]
-Device: TypeAlias = Literal["XC6VLX240T", "XC7Z020", "LFE5UM-85F", "GW2A-LV18", "XCAU25P"]
+Device: TypeAlias = Literal["XC6VLX240T", "XC7Z020", "LFE5UM-85F", "GW2A-LV18", "XCAU25P", "XCVU9P", "XCVU13P"]
 Elimination: TypeAlias = Literal["natural", "fill", "depth", "twisted", "dissection", "search"]
 Factors: TypeAlias = Literal["ahead", "plain", "root"]
 Form: TypeAlias = Literal["auto", "increments", "sums", "horner", "factors", "full"]
