@@ -144,6 +144,7 @@ architecture rtl of pe is
   signal write_factor  : std_ulogic;
   signal write_index   : std_ulogic;
   signal base_round    : std_ulogic;
+  signal write_plain   : std_ulogic_vector(WRITE_BITS - 1 downto 0);
   signal write_steered : std_ulogic_vector(WRITE_BITS - 1 downto 0);
   signal write_address : std_ulogic_vector(WRITE_BITS - 1 downto 0);
   signal link          : std_ulogic_vector(DATA_BITS - 1 downto 0) := (others => '0');
@@ -283,7 +284,7 @@ begin
       advance_i       => advance,
       control_i       => control_i,
       write_i         => write_factor,
-      write_address_i => write_address,
+      write_address_i => write_plain,
       word_i          => word,
       coefficient_o   => coefficient_operand
     );
@@ -399,7 +400,7 @@ begin
       hold_i          => hold,
       write_base_i    => write_base,
       write_index_i   => write_index,
-      write_address_i => write_address(BASE_BITS - 1 downto 0),
+      write_address_i => write_plain(BASE_BITS - 1 downto 0),
       replace_i       => replace_i,
       replacement_i   => replacement,
       look_i          => look_i,
@@ -438,11 +439,14 @@ begin
   write_index  <= flag(control_i, LAYOUT.write_index) and not settle when INDEX_WORDS > 0 else
                   '0';
 
-  p_write_address : process (control_i, parity) is
+  -- Only the own memory has pairs and rings.
+  write_plain <= bits(control_i, LAYOUT.write.address, WRITE_BITS);
+
+  p_write_address : process (control_i, write_plain, parity) is
   begin
 
-    write_steered               <= bits(control_i, LAYOUT.write.address, WRITE_BITS);
-    write_steered(OWN_BITS - 1) <= control_i(LAYOUT.write.address.lsb + OWN_BITS - 1)
+    write_steered               <= write_plain;
+    write_steered(OWN_BITS - 1) <= write_plain(OWN_BITS - 1)
                                    xor (flag(control_i, LAYOUT.write.swap) and parity);
 
   end process p_write_address;

@@ -74,7 +74,7 @@ struct Output {
 
 const OUTPUTS: &[Output] = &[{{ outputs }}];
 
-/// Where a state is: PE and address of its own and base memory, and PE and address of copies in imported memories.
+/// Where a state is: PE and address of its own memory, and PE and address of copies in imported memories.
 struct State {
     pe: usize,
     address: usize,
@@ -83,6 +83,15 @@ struct State {
     /// Whether it is in a ring, where only operands are kept: the addresses are those of the first step.
     ring: bool,
 {%- endif %}
+}
+
+impl State {
+    /// Its word of the base memory: both words of a pair that changes roles have that of the lower half.
+    fn base_word(&self) -> usize {
+        let pe = &PES[self.pe];
+        let pair = if pe.swap { pe.own_words / 2 } else { pe.own_words };
+        self.address & (pair.min(pe.base_words) as usize - 1)
+    }
 }
 
 const STATES: &[State] = &[{{ states }}];

@@ -129,7 +129,7 @@ impl Clocked {
         }
 {%- endif %}
         let base = &self.pes[state.pe].memories.base;
-        base[state.address & (base.len() - 1)]
+        base[state.base_word()]
     }
 
     /// Executes one control word in every PE.
@@ -207,17 +207,17 @@ impl Clocked {
                 if saturated && (writes || word.write_index.is_some() || word.send) {
                     flags[index] |= SATURATED;
                 }
-                // Each memory takes as many low bits of the address as it needs.
+                // Each memory takes as many low bits of the address as it needs; base and coefficients are no pairs.
                 if word.write_own {
                     let place = address & (own.len() - 1);
                     own[place] = result >> (WORD_BITS - DATA_BITS);
                 }
                 if word.write_base && (ends_step || !description.base_last) {
-                    let place = address & (base.len() - 1);
+                    let place = word.unsteered() & (base.len() - 1);
                     base[place] = result;
                 }
                 if word.write_factor {
-                    let place = address & (coefficients.len() - 1);
+                    let place = word.unsteered() & (coefficients.len() - 1);
                     coefficients[place] = result >> (WORD_BITS - COEFFICIENT_BITS);
                 }
                 if let Some((place, octaves)) = word.write_index {

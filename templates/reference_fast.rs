@@ -315,5 +315,5 @@ fn base_home(homes: &[Homes], state: &State) -> u32 {
         return homes[state.pe].own + state.address as u32;
     }
 {%- endif %}
-    homes[state.pe].base + (state.address & (PES[state.pe].base_image.len() - 1)) as u32
+    homes[state.pe].base + state.base_word() as u32
 }

@@ -235,12 +235,10 @@ impl Network {
             let pe = &mut memories[state.pe];
 {%- if rings %}
             if !state.ring {
-                let place = state.address & (pe.base.len() - 1);
-                pe.base[place] = *word;
+                pe.base[state.base_word()] = *word;
             }
 {%- else %}
-            let place = state.address & (pe.base.len() - 1);
-            pe.base[place] = *word;
+            pe.base[state.base_word()] = *word;
 {%- endif %}
             pe.own[state.address] = word >> (WORD_BITS - DATA_BITS);
             for (pe, place) in state.copies {

@@ -424,11 +424,11 @@ impl Follower {
                     pe.own[place] = result;
                 }
                 if word.write_base && (ends_step || !description.base_last) {
-                    let place = address & (pe.base.len() - 1);
+                    let place = word.unsteered() & (pe.base.len() - 1);
                     pe.base[place] = result;
                 }
                 if word.write_factor {
-                    let place = address & (pe.coefficients.len() - 1);
+                    let place = word.unsteered() & (pe.coefficients.len() - 1);
                     pe.coefficients[place] = Factor::Word(result);
                 }
                 if let Some((place, octaves)) = word.write_index {

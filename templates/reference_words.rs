@@ -114,6 +114,11 @@ impl Word {
         self.write_own || self.write_base || self.write_factor
     }
 
+    /// The write address without swap{% if rings %} and ring{% endif %}.
+    fn unsteered(&self) -> usize {
+        usize::from(self.write{% if rings %}.address{% endif %}[0])
+    }
+
     fn decode(pe: &Description, word: u128) -> Word {
         let own = index_bits(pe.own_words);
         let imports = pe.imported_words > 0;

@@ -139,12 +139,14 @@ fn parameter(program: &Program, tunable: &Tunable) -> Option<Parameter> {
 
 fn placed(program: &Program, state: &StateRegister) -> State {
     let (pe, address) = state.own;
+    let base = program.pes[pe].features.state_base(address) as u16;
     State {
         name: state.name.clone(),
         format: Format { bits: program.format.word_bits(), exponent: state.exponent },
         offset: program.format.data_offset(),
         pe: pe.number(),
         address,
+        base: (state.age.is_none() && base != address).then_some(base),
         copies: state.imported.iter().map(|(pe, address)| (pe.number(), *address)).collect(),
         age: state.age.map(NonZeroU32::get),
         initial: state.initial(program),

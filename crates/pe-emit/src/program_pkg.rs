@@ -151,7 +151,9 @@ impl StateWords {
         let (mut own, mut base, mut imported) = (Vec::new(), Vec::new(), Vec::new());
         for (index, state) in program.states.numbered() {
             own.push((state.own, index));
-            base.extend(state.age.is_none().then_some((state.own, index)));
+            let (pe, own) = state.own;
+            let place = (pe, program.pes[pe].features.state_base(own) as u16);
+            base.extend(state.age.is_none().then_some((place, index)));
             imported.extend(state.imported.iter().map(|place| (*place, index)));
         }
         own.sort_unstable();

@@ -78,6 +78,7 @@ fn cases() -> Vec<Case> {
                 features(32, 8, 2, &[9, 14], 48, "wst"),
                 features(16, 4, 1, &[4, 10, 17], 48, "fpso"),
                 features(64, 4, 1, &[8, 13], 48, "wo"),
+                features(4, 4, 1, &[8, 13], 48, "wo"),
             ],
         ),
         case("wide_tables", 32, (32, 32), 23, 1, 9, vec![features(8, 4, 1, &[20, 26, 33], 64, "fso")]),

@@ -342,8 +342,11 @@ pub struct State {
     pub offset: i64,
     /// The PE that computes it.
     pub pe: u32,
-    /// Address in that PE's own and base memory.
+    /// Address in that PE's own memory, and in its base memory unless there is a `base`.
     pub address: u16,
+    /// Address in the base memory where it is another one: in PEs whose own memory is not deeper, and whose buffers change roles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<u16>,
     /// PEs and addresses of imported memories that hold a copy between two steps.
     pub copies: Vec<(u32, u16)>,
     /// How many steps ago it was written, if it is one of the past words of a ring: the addresses, where it has no base word, are

@@ -187,7 +187,7 @@ impl<P: Deref<Target = Program>> Clocked<P> {
         let state = &self.program.states[index];
         let ((pe, word), features) = (state.own, &self.program.pes[state.own.0].features);
         match state.age {
-            None => self.pes[pe].base_words[features.base_word(word)],
+            None => self.pes[pe].base_words[features.state_base(word)],
             Some(_) => {
                 let operand = self.pes[pe].own[usize::from(state.own_word(features, self.turns))];
                 self.program.format.operand_word(operand)

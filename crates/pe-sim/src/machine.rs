@@ -170,7 +170,7 @@ impl<P: Deref<Target = Program>> Machine<P> {
             let slot = at(self.homes.own(pe, usize::from(word)));
             return self.program.format.operand_word(on_steps!(&self.network, steps => steps.operand(slot)));
         }
-        let word = self.program.pes[pe].features.base_word(word);
+        let word = self.program.pes[pe].features.state_base(word);
         let slot = at(self.homes.base(pe, word));
         on_steps!(&self.network, steps => steps.words.words[slot])
     }
@@ -393,7 +393,7 @@ fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> V
     for state in &program.states {
         let (pe, word) = state.own;
         need(match state.age {
-            None => homes.base(pe, program.pes[pe].features.base_word(word)),
+            None => homes.base(pe, program.pes[pe].features.state_base(word)),
             Some(_) => homes.own(pe, usize::from(word)),
         });
     }

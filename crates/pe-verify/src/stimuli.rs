@@ -266,7 +266,7 @@ fn aimed_at(
     }
     let base = match pe.words[at].base {
         Some(_) if !states.is_empty() && random.random_range(0..4) > 0 => {
-            Some(pe.features.base_word(states[random.random_range(0..states.len())]))
+            Some(pe.features.state_base(states[random.random_range(0..states.len())]))
         }
         base => base.map(usize::from),
     };

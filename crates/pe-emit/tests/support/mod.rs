@@ -62,10 +62,11 @@ pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_
     let tables = flags.contains(['t', 'o']);
     PeFeatures {
         own_words: own,
+        // Deeper than an own memory that swaps, as deep, or half as deep.
         base_words: match (flags.contains('w'), tables) {
-            (true, _) => own.max(4) / 2,
-            (false, true) => own.max(8),
+            (true, false) => own.max(4) / 2,
             (false, false) => own,
+            (_, true) => own.max(8),
         },
         coefficient_words: if flags.contains('f') { own.max(8) } else { 0 },
         imported_words: imported,

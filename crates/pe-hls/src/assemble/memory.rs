@@ -1,7 +1,8 @@
 //! Own, base, coefficient and imported memories of all PEs: lifetimes from the schedule, words for them.
 //!
 //! A value lives only in the memories that something reads it from. States are in the own and in the base memory at
-//! addresses that share their low bits, so one write reaches both; everything else is in one of them.
+//! addresses that share their low bits, so one write reaches both; everything else is in one of them. Of a state's two own
+//! words in halves that change roles the one of the lower half has the address of its base word.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap};
@@ -25,6 +26,8 @@ pub(super) struct Place {
     pub word: u32,
     /// Whether the word is one of a swapping pair.
     pub swap: bool,
+    /// Whether an own pair is written after its round ends, in words that belong to the next one.
+    pub late: bool,
     /// Whether it is a word of a ring, as it is in the first step.
     pub ring: bool,
 }
@@ -231,6 +234,7 @@ impl Memories {
                 bases[pe] += 1;
             }
         }
+        let shared: List<PeId, u32> = layouts.iter().map(|layout| layout.pairs + layout.single).collect();
         let mut constants: HashMap<(PeId, bool, i64), u32> = HashMap::new();
         let mut own_arcs: List<PeId, Vec<Arc>> = List::filled(Vec::new(), pes);
         let mut base_arcs = own_arcs.clone();
@@ -291,10 +295,8 @@ impl Memories {
                 self.homes[index::at(value)].factor = Some(register);
             }
             depths.factors = count;
-            // Both words of a pair mean one base word: the address bit that tells them apart is beyond the base memory.
-            // A PE without states has no pairs; only columns make its base memory deep.
-            let pairs = layouts[pe].pairs > 0 || ends[pe] == bases[pe];
-            layouts[pe].least = if swap && pairs { 2 * depths.base } else { 0 };
+            // Behind the pairs of the lower half is room for the other words that both memories take at one address.
+            layouts[pe].least = if layouts[pe].pairs > 0 { depth(2 * shared[pe]) } else { 0 };
             depths.own = layouts[pe].depth();
         }
         if rounds.sums {
@@ -316,7 +318,11 @@ impl Memories {
         }
         for (index, (state, next)) in graph.states.numbered() {
             match rings.pasts.find(index) {
-                None => self.homes[next.index()] = self.homes[state.index()],
+                None => {
+                    let home = &mut self.homes[state.index()];
+                    home.own.iter_mut().for_each(|place| place.late = lives.own[next.index()].0 >= period);
+                    self.homes[next.index()] = *home;
+                }
                 Some(past) => {
                     let ring = self.homes[graph.states[past.head].1.index()].own.expect("placed above");
                     let bits = self.depths[pe_of(state.index())].ring_bits;
@@ -474,15 +480,16 @@ impl Layout {
 
     fn place(&self, slot: Slot) -> Place {
         match slot {
-            Slot::Pair(word) => Place { word, swap: true, ring: false },
+            Slot::Pair(word) => Place { word, swap: true, ..Place::default() },
             Slot::Ring(index) => {
-                Place { word: self.depth().wrapping_sub((index + 1) << self.ring_bits), swap: false, ring: true }
+                let word = self.depth().wrapping_sub((index + 1) << self.ring_bits);
+                Place { word, ring: true, ..Place::default() }
             }
             Slot::Single(index) => {
                 let lower = self.depth() / 2 - self.pairs;
                 let word =
                     if index < lower { self.pairs + index } else { self.depth() / 2 + self.pairs + index - lower };
-                Place { word, swap: false, ring: false }
+                Place { word, ..Place::default() }
             }
         }
     }

@@ -246,8 +246,12 @@ impl Assembler<'_> {
         let place = self.memories.homes[like.index()].own.expect("operands are in the own memory");
         let pe = self.home(value).expect("own values have a PE");
         let depths = self.memories.depths[pe];
-        let place = memory::Place { word: place.word + self.of_part(value, depths.strides[0]), ..place };
-        self.address((place, swaps), (depths.own, depths.ring_bits), time)
+        let part = self.of_part(value, 1);
+        let place = memory::Place { word: place.word + part * depths.strides[0], ..place };
+        // The base memory takes a write address as it is, whatever the round. If it has the bit that tells the halves apart,
+        // the address that writes a pair is that of its lower half.
+        let turns = if place.swap && depths.own <= depths.base { part + u32::from(!place.late) } else { 0 };
+        self.address((place, swaps + turns), (depths.own, depths.ring_bits), time)
     }
 
     /// Address of a value in the imported memory of a PE, for an access at `time`.

@@ -94,7 +94,7 @@ impl Program {
             }
             let (pe, address) = state.own;
             let features = &self.pes[pe].features;
-            let base = features.base_word(address);
+            let base = features.state_base(address);
             let replacement = Replacement {
                 of: Replaced::State(index, pe, base as u16),
                 word: (word + self.period - BEFORE) % self.period,
@@ -157,7 +157,7 @@ impl Program {
             self.pes.iter().map(|pe| vec![None; at(pe.features.base_words)]).collect();
         for (index, state) in self.states.numbered().filter(|(_, state)| state.age.is_none()) {
             let (pe, address) = state.own;
-            places[pe.index()][self.pes[pe].features.base_word(address)] = Some(index);
+            places[pe.index()][self.pes[pe].features.state_base(address)] = Some(index);
         }
         let mut writers = vec![Vec::new(); self.states.len()];
         for (pe, places) in self.pes.iter().zip(&places) {

@@ -150,9 +150,16 @@ pub struct PeFeatures {
 }
 
 impl PeFeatures {
-    /// The base word that a write address means.
+    /// The base word that a write address means, in every round.
     pub fn base_word(&self, address: u16) -> usize {
         usize::from(address) & (at(self.base_words) - 1)
+    }
+
+    /// The base word of a state whose own word, as a step starts, is `own`: both words of a swapping pair have that of the lower
+    /// half.
+    pub fn state_base(&self, own: u16) -> usize {
+        let pair = if self.swap { own & (self.own_words / 2 - 1) as u16 } else { own };
+        self.base_word(pair)
     }
 
     /// The coefficient word that a write address means.
@@ -412,7 +419,7 @@ impl StateRegister {
         let (pe, address) = self.own;
         let pe = &program.pes[pe];
         match self.age {
-            None => pe.base_image[pe.features.base_word(address)],
+            None => pe.base_image[pe.features.state_base(address)],
             Some(_) => program.format.operand_word(pe.own_image[usize::from(address)]),
         }
     }
@@ -431,7 +438,7 @@ impl StateRegister {
         let pe = &mut pes[pe];
         pe.own_image[usize::from(address)] = format.data_operand(word);
         if self.age.is_none() {
-            let base = pe.features.base_word(address);
+            let base = pe.features.state_base(address);
             pe.base_image[base] = word;
         }
         for (pe, address) in &self.imported {

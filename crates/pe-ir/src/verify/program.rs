@@ -196,7 +196,7 @@ impl<'a> Checker<'a> {
             let pe = &mut checker.pes[register.own.0];
             pe.own[usize::from(register.own.1)] = cell;
             if register.age.is_none() {
-                pe.base[pe.program.features.base_word(register.own.1)] = cell;
+                pe.base[pe.program.features.state_base(register.own.1)] = cell;
             }
             for (pe, word) in &register.imported {
                 checker.pes[*pe].imported[usize::from(*word)] = cell;

@@ -34,7 +34,7 @@ const DAMAGES: usize = 150;
 const STEPS: u64 = 8;
 
 /// Small designs that have every feature between them: swapped buffers, factors, looped stages, variants, tables, a
-/// deep pipeline, pairs.
+/// deep pipeline, pairs of operands, and own memories that swap beside base memories as deep.
 fn designs() -> Vec<Flow> {
     let flow = |family, size, solver, (storage, data, coefficient), seed| {
         Flow::random(family, size, solver, format(storage, data, coefficient), Placement::Scattered, seed)
@@ -57,6 +57,7 @@ fn designs() -> Vec<Flow> {
         sums.looped().expect("stages are alike"),
         Flow::tabled((8, 3), Solver::Heun, format(32, 25, 18), Placement::Scattered, 56),
         Flow::random(Family::Shared, (6, 3), Solver::Heun, deep, Placement::Scattered, 57),
+        Flow::tabled((8, 3), Solver::Euler, format(32, 25, 18), Placement::Scattered, 58),
     ]
 }
 
@@ -182,7 +183,7 @@ fn a_field_that_is_taken_for_idle_is_found_out() {
 
 #[test]
 fn rules_are_without_effect_where_no_word_meets_them() {
-    let (mut idle, mut flagged) = (0, 0);
+    let (mut idle, mut flagged, mut shallow) = (0, 0, 0);
     for flow in designs() {
         let sources = sources(&flow.program);
         let (_, _, design) = sources.read().expect("read by the test above");
@@ -203,10 +204,17 @@ fn rules_are_without_effect_where_no_word_meets_them() {
         assert_eq!(equal(&|damaged| damaged.rules.sums_flagged = false), !sums, "{}: sums", flow.label);
         let last = design.pes.iter().any(|pe| pe.features.base_last);
         assert!(last || equal(&|damaged| damaged.rules.last_round = false), "{}: rounds", flow.label);
+        let swaps = design.pes.iter().any(|pe| {
+            pe.features.own_words <= pe.features.base_words
+                && pe.words.iter().any(|word| pe.fields.write_base.set(*word) && pe.fields.write_swap.set(*word))
+        });
+        assert_eq!(equal(&|damaged| damaged.rules.bases_plain = false), !swaps, "{}: pairs", flow.label);
+        shallow += u32::from(swaps);
         idle += u32::from(equal(&|damaged| damaged.rules.settled_early = 1));
     }
     assert!(idle > 0, "no word before the pause that writes nothing");
     assert!(flagged > 0, "no flag anywhere");
+    assert!(shallow > 0, "no own memory that swaps beside a base memory as deep");
 }
 
 #[test]

@@ -31,6 +31,7 @@ mod library;
 mod mechanisms;
 mod methods;
 mod noise;
+mod pairs;
 mod parts;
 mod pictures;
 mod priorities;

@@ -213,6 +213,8 @@ pub struct Rules {
     pub sums_flagged: bool,
     /// Whether bases are written in the last round only, where a PE is told so.
     pub last_round: bool,
+    /// Whether base memories take write addresses as control words have them, and not as own memories do.
+    pub bases_plain: bool,
     /// Whether a base is added only in words that enable it.
     pub bases_enabled: bool,
     /// Whether outputs clamp what is out of range.
@@ -229,6 +231,7 @@ impl Default for Rules {
             flagged: [true; 5],
             sums_flagged: true,
             last_round: true,
+            bases_plain: true,
             bases_enabled: true,
             outputs_clamp: true,
             links_wait: true,

@@ -101,6 +101,9 @@ pub const RULED: &[Ruled] = &[
     ("pe_output.vhd", "if (SATURATE and sum(WORD_BITS) /= sum(WORD_BITS - 1)) then", "if (false) then", |rules| {
         rules.outputs_clamp = false
     }),
+    ("pe.vhd", "write_plain(BASE_BITS - 1 downto 0)", "write_address(BASE_BITS - 1 downto 0)", |rules| {
+        rules.bases_plain = false
+    }),
     ("pe_scale.vhd", "read_enable_i   => based,", "read_enable_i   => '1',", |rules| rules.bases_enabled = false),
     (
         "pe.vhd",
@@ -360,6 +363,7 @@ pub const REPLACEMENTS: &[Replacement] = &[
         "xor (flag(control_i, LAYOUT.write.swap) and parity);",
         "xor (flag(control_i, LAYOUT.write.swap) and '0');",
     ),
+    (Parity, Always, "pe.vhd", "write_plain(BASE_BITS - 1 downto 0)", "write_address(BASE_BITS - 1 downto 0)"),
     (
         Parity,
         Always,
@@ -404,8 +408,8 @@ pub const REPLACEMENTS: &[Replacement] = &[
         Address,
         Always,
         "pe.vhd",
-        "write_steered               <= bits(control_i, LAYOUT.write.address, WRITE_BITS);",
-        "write_steered               <= bits(control_i, LAYOUT.write.address, WRITE_BITS) or (WRITE_BITS - 1 downto 1 => '0') & '1';",
+        "write_plain <= bits(control_i, LAYOUT.write.address, WRITE_BITS);",
+        "write_plain <= bits(control_i, LAYOUT.write.address, WRITE_BITS) or (WRITE_BITS - 1 downto 1 => '0') & '1';",
     ),
     (
         Links,

@@ -271,23 +271,25 @@ impl Run<'_> {
         let takes_base = f.write_base.set(bits) && in_round && writes(BASE);
         let (takes_own, takes_factor) =
             (f.write_own.set(bits) && writes(OWN), f.write_factor.set(bits) && writes(FACTOR));
-        let address = place.steered(f.write_address.of(bits), f.write_swap.set(bits), features.own_words);
+        let plain = f.write_address.of(bits);
+        let address = place.steered(plain, f.write_swap.set(bits), features.own_words);
         let address = place.turned(address, f.write_ring.set(bits), features.ring_bits);
+        let based = if rules.bases_plain { plain } else { address };
         if takes_own || takes_base || takes_factor {
             self.seen.insert(Seen::Write { word: place.count, pe: index, address, value: written });
         }
         let data = symbols.of(Node::Data(written));
-        let at = |memory: &[Id]| address as usize & (memory.len() - 1);
+        let at = |memory: &[Id], address: u64| address as usize & (memory.len() - 1);
         if takes_own {
-            let at = at(&state.own);
+            let at = at(&state.own, address);
             state.own[at] = data;
         }
         if takes_base {
-            let at = at(&state.base);
+            let at = at(&state.base, based);
             state.base[at] = written;
         }
         if takes_factor {
-            let at = at(&state.coefficient);
+            let at = at(&state.coefficient, plain);
             state.coefficient[at] = symbols.of(Node::Factor(written));
         }
         let takes_index = f.write_index.set(bits) && writes(INDEX);
