@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::cell::LazyCell;
 use std::sync::Arc;
 
-use pe_hls::even::even;
 use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem, Tables, default_pes};
 use pe_hls::pairs;
 use pe_hls::relay::{Relayed, relay};
@@ -63,9 +62,9 @@ pub struct Alternative<'a> {
     pub graph: Arc<StepGraph>,
     /// Its numbers.
     pub fixed: Cow<'a, FixedPoint>,
-    /// The step with all pairs that some mapping could allow; loads are taken from it.
+    /// The step with all pairs that some mapping could allow.
     pub optimistic: Arc<StepGraph>,
-    /// The mapping problem of that.
+    /// The mapping problem of the graph with the pairs that mappings allow.
     pub problem: Problem,
     /// Number of relays of hubs.
     pub relays: u32,
@@ -77,7 +76,7 @@ pub struct Alternative<'a> {
 impl<'a> Alternative<'a> {
     fn new(graph: Arc<StepGraph>, fixed: Cow<'a, FixedPoint>, relays: u32, relayed: Option<Relayed>) -> Self {
         let optimistic = pairs::optimistic(&graph, &fixed).map_or_else(|| Arc::clone(&graph), Arc::new);
-        let problem = Problem::of(&optimistic);
+        let problem = Problem::with_pairs(&graph, &fixed, &optimistic);
         let least = Arc::clone(&optimistic);
         Alternative { graph, fixed, optimistic, problem, relays, least, relayed }
     }
@@ -140,7 +139,9 @@ impl<'a> Alternative<'a> {
     fn binds(&self, mappings: &[Candidate], aim: u32, known: &Known) -> bool {
         let takes_all = |candidate: &Candidate| candidate.cost.max_in_degree >= aim;
         let Some(first) = mappings.first().filter(|_| mappings.iter().any(takes_all)) else { return false };
-        let draft = known.schedule(&self.graph, &first.mapping, Latency::of(&self.fixed.format), true);
+        let paired = pairs::pair(&self.graph, &self.fixed, &first.mapping);
+        let issued = paired.as_ref().map_or(&*self.graph, |paired| &paired.graph);
+        let draft = known.schedule(issued, &first.mapping, Latency::of(&self.fixed.format), true);
         takes_all(first) || f64::from(draft.period) > TIGHT * f64::from(first.cost.max_load)
     }
 
@@ -161,20 +162,6 @@ impl<'a> Alternative<'a> {
         let relayed = relay(graph, pes, max_in_degree, relays)?;
         let numbers = relayed.fixed(graph, fixed)?;
         Some(Alternative::new(Arc::clone(&relayed.graph), Cow::Owned(numbers), relays, Some(relayed)))
-    }
-
-    /// A mapping evened out under the pairs that it allows, where that changes it.
-    fn evened(&self, candidate: &Candidate, max_in_degree: u32) -> Vec<Candidate> {
-        if Arc::ptr_eq(&self.optimistic, &self.graph) {
-            return Vec::new();
-        }
-        let mut evened = even(&self.graph, &self.fixed, &candidate.mapping).to_vec();
-        evened.dedup();
-        let useful = evened.into_iter().filter(|mapping| *mapping != candidate.mapping).filter_map(|mapping| {
-            let cost = self.problem.cost(&mapping);
-            (cost.max_in_degree <= max_in_degree).then_some(Candidate { mapping, cost, ..candidate.clone() })
-        });
-        useful.collect()
     }
 
     /// What the runs found, with the values of the relays.
@@ -253,7 +240,7 @@ impl<'a> Candidates<'a> {
         }
         let first = plain.take().expect("not mapped yet");
         if let Some(candidate) = first.on_grid(network, options) {
-            set.add(first, vec![candidate], aim);
+            set.add(first, vec![candidate]);
             return Ok(set);
         }
         plain = Some(first);
@@ -282,7 +269,7 @@ impl<'a> Candidates<'a> {
                     mapped.routed.into_iter().filter_map(|candidate| alternative.routed(fixed, candidate, aim));
                 let routed: Vec<(Alternative, Candidate)> = routed.collect();
                 match mapped.refused {
-                    None => set.add(alternative, mapped.direct, aim),
+                    None => set.add(alternative, mapped.direct),
                     Some(error) if alternative.relays == 0 => {
                         refused = Some(error);
                         plain = Some(alternative);
@@ -333,12 +320,10 @@ impl<'a> Candidates<'a> {
         self.blocks = self.candidates.iter().map(|candidate| tables.blocks(&candidate.mapping)).collect();
     }
 
-    /// Adds an alternative with its mappings and those evened out under the pairs they allow.
-    fn add(&mut self, alternative: Alternative<'a>, candidates: Vec<Candidate>, aim: u32) {
+    /// Adds an alternative with its mappings.
+    fn add(&mut self, alternative: Alternative<'a>, candidates: Vec<Candidate>) {
         self.starts += candidates.len();
-        let evened = |candidate: &Candidate| alternative.evened(candidate, aim.max(candidate.cost.max_in_degree));
-        let evened: Vec<Candidate> = candidates.iter().flat_map(evened).collect();
-        self.take(alternative, candidates.into_iter().chain(evened));
+        self.take(alternative, candidates);
     }
 
     /// Adds an alternative with the mapping that is given for it.

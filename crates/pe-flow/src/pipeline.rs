@@ -518,9 +518,9 @@ fn runs_figure(judged: Option<&Judged>) -> String {
 
 /// Proves mapping, schedule and program with the independent checkers.
 fn check(design: &Design, latency: Latency, options: &MappingOptions, say: &dyn Fn(String)) -> Result<(), Failure> {
-    let Design { graph, optimistic, judged, mapping, schedule, program, cost, .. } = design;
+    let Design { graph, judged, mapping, schedule, program, cost, .. } = design;
     say("mapping".to_owned());
-    let mut violations = verify::mapping::check(optimistic, mapping, cost, options.most_ports());
+    let mut violations = verify::mapping::check(design.issued(), mapping, cost, options.most_ports());
     say("schedule".to_owned());
     violations.extend(verify::schedule::check(design.issued(), mapping, schedule, latency));
     say("program".to_owned());

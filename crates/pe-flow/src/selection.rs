@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use pe_hls::mapping::{Candidate, MapOptions};
 use pe_ir::graph::StepGraph;
-use pe_ir::index::List;
 use pe_ir::memory::BLOCK_LUTS;
 use pe_ir::schedule::Schedule;
 use pe_ir::word::{Latency, Pipeline, WordFormat};
@@ -59,8 +58,7 @@ pub fn schedules(
     };
     let mut schedules: Vec<Schedule> = candidates.iter().zip(graphs).map(draft).collect();
     let periods: Vec<u32> = schedules.iter().map(|schedule| schedule.period).collect();
-    let loads: Vec<u32> = candidates.iter().zip(graphs).map(|(candidate, graph)| load(graph, candidate)).collect();
-    for index in contenders(candidates, &loads, &periods, price) {
+    for index in contenders(candidates, &periods, price) {
         say(format!("{}, second pass", candidates[index].start));
         schedules[index] = known.schedule(graphs[index], &candidates[index].mapping, latency, false);
     }
@@ -103,19 +101,10 @@ pub fn order(
     order
 }
 
-/// The most products of a PE as they are issued: the mapper may have counted on pairs that its mapping does not allow.
-fn load(graph: &StepGraph, candidate: &Candidate) -> u32 {
-    let mut loads = List::filled(0, candidate.mapping.pes as usize);
-    for (load, pe) in graph.loads().iter().zip(&candidate.mapping.pe_of) {
-        loads[*pe] += load;
-    }
-    loads.into_iter().max().unwrap_or(0)
-}
-
 /// Candidates whose largest load leaves them room to win against what the others have reached.
-fn contenders(candidates: &[Candidate], loads: &[u32], periods: &[u32], price: Price) -> Vec<usize> {
+fn contenders(candidates: &[Candidate], periods: &[u32], price: Price) -> Vec<usize> {
     let all = || 0..candidates.len();
-    let least = |index: usize| price.time(loads[index], &candidates[index]);
+    let least = |index: usize| price.time(candidates[index].cost.max_load, &candidates[index]);
     let time = |index: usize| price.time(periods[index], &candidates[index]);
     let connections = |index: usize| f64::from(candidates[index].cost.connections.max(1));
     let shortest = all().map(least).fold(f64::INFINITY, f64::min);
@@ -200,14 +189,13 @@ mod tests {
         let candidates = [candidate(100, 50), candidate(100, 40), candidate(100, 30), candidate(103, 10)];
         // The second is at 101 x 40; the first can reach 100 x 50 at best, the third has nothing to gain, and the
         // fourth is too slow whatever happens.
-        let loads = [100, 100, 100, 103];
-        assert_eq!(contenders(&candidates[..2], &loads, &[110, 101], PRICE), [1]);
-        assert_eq!(contenders(&candidates, &loads, &[110, 101, 100, 103], PRICE), [0; 0]);
+        assert_eq!(contenders(&candidates[..2], &[110, 101], PRICE), [1]);
+        assert_eq!(contenders(&candidates, &[110, 101, 100, 103], PRICE), [0; 0]);
         // As long as nobody is certain to be fast enough, all go on.
-        assert_eq!(contenders(&candidates[..2], &loads, &[110, 103], PRICE), [0, 1]);
+        assert_eq!(contenders(&candidates[..2], &[110, 103], PRICE), [0, 1]);
         // What has many ports has to be so much faster.
-        let wide = [with_ports(100, 50, 60), candidate(101, 50)];
-        assert_eq!(contenders(&wide, &[103, 101], &[110, 103], PRICE), [1]);
+        let wide = [with_ports(103, 50, 60), candidate(101, 50)];
+        assert_eq!(contenders(&wide, &[110, 103], PRICE), [1]);
     }
 
     #[test]

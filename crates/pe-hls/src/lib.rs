@@ -5,7 +5,6 @@
 
 mod alike;
 pub mod assemble;
-pub mod even;
 pub mod formats;
 pub mod functions;
 pub mod fuse;

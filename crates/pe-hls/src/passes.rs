@@ -35,7 +35,6 @@ pub const PASSES: &[Pass] = &[
     pass("rings", "StepGraph, FixedPoint", "StepGraph, FixedPoint", "keeps long rows of past words in rings of memory"),
     pass("relay", "StepGraph", "StepGraph", "copies what many equations read of several others"),
     pass("mapping", "StepGraph", "Mapping", "assigns every equation to a PE"),
-    pass("even", "Mapping", "Mapping", "balances loads under the pairs that a mapping allows"),
     pass("route", "StepGraph, Mapping", "StepGraph, Mapping", "lets values travel over PEs that copy them"),
     pass("pairs", "StepGraph, Mapping", "StepGraph", "joins operands with equal coefficients"),
     pass("schedule", "StepGraph, Mapping", "Schedule", "assigns every chain and transfer to a control word"),

@@ -15,8 +15,8 @@ use pe_hls::rounding::{self, Aim, Sampling};
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_hls::{
-    assemble, even, functions, fuse, grid, lift, outputs, pairs, parts, relay, rings, route, schedule, shorten, split,
-    step, sums, two_slots,
+    assemble, functions, fuse, grid, lift, outputs, pairs, parts, relay, rings, route, schedule, shorten, split, step,
+    sums, two_slots,
 };
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
@@ -405,18 +405,6 @@ fn mapping_gives_equations_to_pes() {
             }
             Err(error) => format!("{error}\n"),
         }
-    });
-}
-
-#[test]
-fn even_moves_equations_under_the_pairs_that_a_mapping_allows() {
-    check("even", |case| {
-        let graph = case.graph();
-        let mapping = case.mapping(&graph);
-        let [near, connected] = even::even(&graph, &case.fixed(&graph), &mapping);
-        let near = valid_mapping(&graph, &near);
-        let connected = valid_mapping(&graph, &connected);
-        if near == connected { near } else { format!("{near}{connected}") }
     });
 }
 

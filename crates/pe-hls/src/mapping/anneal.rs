@@ -41,8 +41,11 @@ pub(super) struct Plan {
 const COLD: f64 = 0.1;
 /// Weight of the harmonic sum in the last round.
 const LAST_SPREAD: f64 = 0.1;
-/// Weight of overload in the first and in the last round.
-const OVERLOAD: (f64, f64) = (0.5, 2.0);
+/// Weight of overload in the first round.
+const OVERLOAD: f64 = 0.5;
+/// Weight of overload in the last round, without pairs of operands and with: where moves change pairs, loads are harder to
+/// level.
+const LAST_OVERLOAD: (f64, f64) = (2.0, 8.0);
 /// Weight of input ports above the limit.
 const EXCESS: f64 = 2.0;
 /// Of so many tries, one goes to moves of regions as long as there are any.
@@ -55,6 +58,8 @@ const ROUNDS: u32 = 200;
 const TIGHTENING: f64 = 0.85;
 /// Of 256 tries, those with the performance neighbour while there are overloaded PEs,
 const PERFORMANCE: u32 = 51;
+/// of which so many in 256 go to any connected PE if operands are paired,
+const LEVEL: u32 = 128;
 /// and those with the size neighbour; the others are plain moves.
 const SIZE: u32 = 77;
 /// Of 256 moves that would be rejected, those completed to an exchange of two equations.
@@ -82,18 +87,20 @@ pub(super) fn anneal<'p>(
     let mut best = (start.clone(), state.cost());
     let acceptance = Acceptance::new();
     let mut regions = plan.regions.then(|| Regions::new(problem, at(start.pes)));
+    let pairs = problem.has_pairs();
     let (mut tries, mut region_tries) = (0, 0);
     for round in 0..ROUNDS {
         let progress = f64::from(round) / f64::from(ROUNDS - 1);
         let between = |first: f64, last: f64| first * libm::pow(last / first, progress);
         let weights = Weights {
             spread: between(plan.spread, LAST_SPREAD),
-            overload: between(OVERLOAD.0, OVERLOAD.1),
+            overload: between(OVERLOAD, if pairs { LAST_OVERLOAD.1 } else { LAST_OVERLOAD.0 }),
             excess: EXCESS,
         };
         let tightened = ((progress - TIGHTENING) / (1.0 - TIGHTENING)).max(0.0);
         let (first, last) = (f64::from(plan.caps.0), f64::from(plan.caps.1));
-        state.set_cap((first + (last - first) * tightened) as u32);
+        let cap = (first + (last - first) * tightened) as u32;
+        state.set_caps(cap, if pairs { cap.max(state.high_load()) } else { cap });
         let temperature = between(plan.hot, COLD);
         let end = plan.tries * u64::from(round + 1) / u64::from(ROUNDS);
         while let Some(regions) = regions.as_mut().filter(|_| progress < SETTLED && region_tries < end / REGIONS) {
@@ -131,7 +138,11 @@ fn attempt(
     let choice = rng.next_u32();
     let (generator, exchange) = (choice & 255, choice >> 8 & 255);
     let proposal = if generator < PERFORMANCE && !state.overloaded().is_empty() {
-        neighbours::performance(state, rng)
+        if state.problem.has_pairs() && (choice >> 16 & 255) < LEVEL {
+            neighbours::level(state, rng)
+        } else {
+            neighbours::performance(state, rng)
+        }
     } else if generator < PERFORMANCE + SIZE {
         neighbours::size(state, rng)
     } else {

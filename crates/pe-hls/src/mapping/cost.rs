@@ -48,14 +48,18 @@ pub(super) struct State<'p> {
     /// Index of each equation in the members of its PE.
     position: Vec<u32>,
     loads: Vec<u32>,
+    /// Operands with equal coefficients that are computed where they are read, for each class of them.
+    own: Vec<u32>,
     links: Links,
     in_degrees: Vec<u32>,
     connections: u32,
     /// Sum of the in-degrees above the limit.
     excess: u32,
     limit: u32,
+    /// Load above which overload counts.
     cap: u32,
-    /// PEs loaded above the cap.
+    /// Load above which a PE is in `overloaded`.
+    high: u32,
     overloaded: IndexSet,
     /// For each equation the number of equations next to it on other PEs.
     foreign: Vec<u32>,
@@ -97,12 +101,14 @@ impl<'p> State<'p> {
             members: vec![Vec::new(); pes],
             position: vec![0; equations],
             loads: vec![0; pes],
+            own: Vec::new(),
             links,
             in_degrees: vec![0; pes],
             connections: 0,
             excess: 0,
             limit,
             cap: u32::MAX,
+            high: u32::MAX,
             overloaded: IndexSet::new(pes),
             foreign: vec![0; equations],
             boundary: IndexSet::new(equations),
@@ -111,11 +117,12 @@ impl<'p> State<'p> {
             around: Vec::new(),
             around_at: vec![NONE; places],
         };
+        state.own = problem.alike().own(&state.place_of);
         for equation in 0..equations {
             let pe = index::at(state.place_of[equation]);
             state.position[equation] = number(state.members[pe].len());
             state.members[pe].push(number(equation));
-            state.loads[pe] += problem.loads()[equation];
+            state.loads[pe] += problem.loads()[equation] + problem.alike().missed(equation, &state.own);
             for neighbour in problem.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1) {
                 let place = index::at(state.place_of[neighbour.node()]);
                 if place != pe {
@@ -160,9 +167,16 @@ impl<'p> State<'p> {
         self.loads[pe]
     }
 
-    /// PEs loaded above the cap.
+    /// PEs with a high load.
     pub(super) fn overloaded(&self) -> &[u32] {
         self.overloaded.list()
+    }
+
+    /// The load half way between the mean and the largest.
+    pub(super) fn high_load(&self) -> u32 {
+        let total: u64 = self.loads.iter().map(|load| u64::from(*load)).sum();
+        let max = self.loads.iter().copied().max().unwrap_or(0);
+        ((total / self.pes as u64 + u64::from(max)) / 2) as u32
     }
 
     /// Equations next to equations on other PEs.
@@ -197,11 +211,13 @@ impl<'p> State<'p> {
         }
     }
 
-    /// Sets the load above which a PE counts as overloaded.
-    pub(super) fn set_cap(&mut self, cap: u32) {
+    /// Sets the load above which overload counts, and that above which a PE is among the overloaded ones: that is more where
+    /// pairs are missed on all PEs.
+    pub(super) fn set_caps(&mut self, cap: u32, high: u32) {
         self.cap = cap;
+        self.high = high;
         for pe in 0..self.pes {
-            self.overloaded.set(pe, self.loads[pe] > cap);
+            self.overloaded.set(pe, self.loads[pe] > high);
         }
     }
 
@@ -236,9 +252,8 @@ impl<'p> State<'p> {
         degree_to = degree_to + u32::from(new.out > 0) - u32::from(old.out > 0);
         excess += self.above(degree_from) - self.above(self.in_degrees[from]);
         excess += self.above(degree_to) - self.above(self.in_degrees[to]);
-        let load = self.problem.loads()[equation];
-        let overload = self.overload(self.loads[from] - load) - self.overload(self.loads[from])
-            + self.overload(self.loads[to] + load)
+        let (load_from, load_to) = self.loads_after(equation, from, to);
+        let overload = self.overload(load_from) - self.overload(self.loads[from]) + self.overload(load_to)
             - self.overload(self.loads[to]);
         connections + weights.overload * overload + weights.excess * f64::from(excess)
     }
@@ -257,11 +272,10 @@ impl<'p> State<'p> {
             }
         }
         self.replace(from, to, between);
-        let load = self.problem.loads()[equation];
-        self.loads[from] -= load;
-        self.loads[to] += load;
-        self.overloaded.set(from, self.loads[from] > self.cap);
-        self.overloaded.set(to, self.loads[to] > self.cap);
+        (self.loads[from], self.loads[to]) = self.loads_after(equation, from, to);
+        self.problem.alike().apply(equation, (number(from), number(to)), &self.place_of, &mut self.own);
+        self.overloaded.set(from, self.loads[from] > self.high);
+        self.overloaded.set(to, self.loads[to] > self.high);
         self.place_of[equation] = number(to);
         let position = self.position[equation];
         self.members[from].swap_remove(index::at(position));
@@ -279,6 +293,20 @@ impl<'p> State<'p> {
         }
         self.foreign[equation] = foreign;
         self.boundary.set(equation, foreign > 0);
+    }
+
+    /// The loads of two PEs after an equation has moved from the first to the second. Those of others stay: pairs of
+    /// their operands are imported before and after.
+    fn loads_after(&self, equation: usize, from: usize, to: usize) -> (u32, u32) {
+        let (alike, load) = (self.problem.alike(), self.problem.loads()[equation]);
+        let places = (number(from), number(to));
+        let (on_from, on_to) = alike.changes(equation, places, &self.place_of, &self.own);
+        let leaves = load + alike.missed(equation, &self.own);
+        let arrives = load + alike.missed_at(equation, places.1, &self.place_of);
+        (
+            (self.loads[from] - leaves).wrapping_add_signed(on_from),
+            (self.loads[to] + arrives).wrapping_add_signed(on_to),
+        )
     }
 
     /// Gathers the links between an equation and the places around it.
@@ -379,7 +407,8 @@ mod tests {
             Mapping { pes: pes as u32, pe_of: (0..equations).map(|equation| PeId::at(equation % pes)).collect() };
         let fresh = |mapping: &Mapping| {
             let mut state = State::with_links(&problem, mapping, 4, links(pes, pes + inputs));
-            state.set_cap(15 * (equations / pes) as u32);
+            let cap = 15 * (equations / pes) as u32;
+            state.set_caps(cap, cap);
             state
         };
         let mut state = fresh(&mapping);

@@ -11,9 +11,13 @@
 //! the dependency graph (runs of linear orders, recursive bisection), which already have few connections on chains,
 //! grids and trees and need only little annealing.
 
+mod alike;
 mod anneal;
+mod blocks;
 mod cost;
 mod gather;
+#[cfg(test)]
+mod grids;
 mod links;
 mod neighbours;
 mod orders;

@@ -25,11 +25,20 @@ pub(super) fn plain(state: &State, rng: &mut ChaCha8Rng) -> Option<Move> {
     across(state, at(*pick(state.boundary(), rng)?), rng)
 }
 
-/// A random equation of a PE that is loaded above the cap, to the PE of an equation next to it.
+/// A random equation of an overloaded PE, to the PE of an equation next to it.
 pub(super) fn performance(state: &State, rng: &mut ChaCha8Rng) -> Option<Move> {
     let members = state.members(at(*pick(state.overloaded(), rng)?));
     let equation = around(members, rng).find(|&&equation| state.is_boundary(at(equation)))?;
     across(state, at(*equation), rng)
+}
+
+/// A random equation of an overloaded PE, to a PE that any equation of it is next to.
+pub(super) fn level(state: &State, rng: &mut ChaCha8Rng) -> Option<Move> {
+    let members = state.members(at(*pick(state.overloaded(), rng)?));
+    let equation = at(*pick(members, rng)?);
+    let other = around(members, rng).find(|&&other| state.is_boundary(at(other)))?;
+    let to = across(state, at(*other), rng)?.to;
+    state.may_move(equation, to).then_some(Move { equation, to })
 }
 
 /// To the PE of a random equation, the one of the equations next to it, on other PEs, that has the largest benefit:

@@ -1,10 +1,12 @@
 //! The mapping problem in flat arrays, and its views as petgraph graphs.
 
-use pe_ir::graph::{Role, StepGraph, Term};
+use pe_ir::graph::{FixedPoint, Role, StepGraph, Term};
 use pe_ir::index::{EquationId, List, PeId, at, number};
 use pe_ir::mapping::{Mapping, MappingCost};
 use pe_ir::program::LinkSource;
 use petgraph::graph::DiGraph;
+
+use super::alike::Alike;
 
 /// What the mapper knows of a step graph: loads, dependencies and reads of external inputs.
 ///
@@ -18,6 +20,7 @@ pub struct Problem {
     /// Start of each equation's part of `neighbours`; one more than there are equations.
     offsets: Vec<u32>,
     neighbours: Vec<Neighbour>,
+    alike: Alike,
 }
 
 /// A node next to an equation, and whether the equation reads it, is read by it, or both.
@@ -59,6 +62,12 @@ impl Problem {
         Problem::new(graph.loads().into_vec(), &arcs.collect::<Vec<_>>(), &input_reads)
     }
 
+    /// The problem of a step graph whose operands with equal coefficients are paired as far as a mapping allows;
+    /// `optimistic` is the graph with all pairs.
+    pub fn with_pairs(graph: &StepGraph, fixed: &FixedPoint, optimistic: &StepGraph) -> Problem {
+        Problem { alike: Alike::of(graph, fixed), ..Problem::of(optimistic) }
+    }
+
     /// The problem with these loads, arcs `(read equation, reader)` and pairs `(input, reader)`; repeats are allowed.
     ///
     /// # Panics
@@ -94,7 +103,7 @@ impl Problem {
         for equation in 0..loads.len() {
             offsets[equation + 1] = offsets[equation + 1].max(offsets[equation]);
         }
-        Problem { loads, inputs, offsets, neighbours }
+        Problem { loads, inputs, offsets, neighbours, alike: Alike::default() }
     }
 
     /// Number of equations.
@@ -102,7 +111,7 @@ impl Problem {
         number(self.loads.len())
     }
 
-    /// Issue slots of each equation.
+    /// Issue slots of each equation; if operands are paired, with all pairs that some mapping allows.
     pub fn loads(&self) -> &[u32] {
         &self.loads
     }
@@ -112,7 +121,17 @@ impl Problem {
         self.inputs
     }
 
-    /// Issue slots of all equations.
+    /// Operands with equal coefficients.
+    pub(super) fn alike(&self) -> &Alike {
+        &self.alike
+    }
+
+    /// Whether issue slots depend on the mapping.
+    pub(super) fn has_pairs(&self) -> bool {
+        !self.alike.is_empty()
+    }
+
+    /// Issue slots of all equations; if operands are paired, with all pairs that some mapping allows.
     pub fn total_load(&self) -> u64 {
         self.loads.iter().map(|&load| u64::from(load)).sum()
     }
@@ -125,6 +144,21 @@ impl Problem {
     /// Equations next to an equation.
     pub(super) fn adjacent(&self, equation: usize) -> impl DoubleEndedIterator<Item = usize> + '_ {
         self.neighbours(equation).iter().map(|neighbour| neighbour.node()).filter(|&node| node < self.loads.len())
+    }
+
+    /// The dependencies between some equations, all of them with a load of 1, in the order given.
+    pub(super) fn part(&self, equations: &[usize]) -> Problem {
+        let mut index_of = vec![u32::MAX; self.loads.len()];
+        equations.iter().enumerate().for_each(|(index, equation)| index_of[*equation] = number(index));
+        let mut arcs = Vec::new();
+        for (index, equation) in equations.iter().enumerate() {
+            for neighbour in self.neighbours(*equation).iter().filter(|neighbour| neighbour.reads() == 1) {
+                if let Some(read) = index_of.get(neighbour.node()).filter(|read| **read != u32::MAX) {
+                    arcs.push((*read, number(index)));
+                }
+            }
+        }
+        Problem::new(vec![1; equations.len()], &arcs, &[])
     }
 
     /// What each PE of a mapping reads, as sorted pairs (PE, what it reads).
@@ -150,8 +184,10 @@ impl Problem {
     /// The cost of a mapping, computed from nothing.
     pub fn cost(&self, mapping: &Mapping) -> MappingCost {
         let mut loads = List::filled(0, at(mapping.pes));
-        for (&pe, &load) in mapping.pe_of.iter().zip(&self.loads) {
-            loads[pe] += load;
+        let place_of: Vec<u32> = mapping.pe_of.iter().map(|pe| pe.number()).collect();
+        let own = self.alike.own(&place_of);
+        for (equation, (&pe, &load)) in mapping.pe_of.iter().zip(&self.loads).enumerate() {
+            loads[pe] += load + self.alike.missed(equation, &own);
         }
         let sources = self.sources(mapping);
         let degrees = sources.chunk_by(|left, right| left.0 == right.0).map(<[_]>::len);

@@ -9,6 +9,7 @@ use pe_ir::mapping::Mapping;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::blocks::blocks;
 use super::orders::{self, Region};
 use super::problem::Problem;
 use super::random::below;
@@ -58,6 +59,9 @@ pub(super) fn structured(problem: &Problem, pes: u32) -> Vec<(&'static str, Mapp
     add("bisection", bisection(problem, pes));
     if let Some(mapping) = tiles(problem, pes) {
         add("tiles", mapping);
+    }
+    if let Some(mapping) = blocks(problem, pes) {
+        add("blocks", mapping);
     }
     starts
 }

@@ -47,7 +47,7 @@ pub(super) fn tiles(problem: &Problem, pes: u32) -> Option<Mapping> {
 }
 
 /// Two or three coordinates of every equation.
-fn coordinates(problem: &Problem) -> Option<Vec<Vec<u32>>> {
+pub(super) fn coordinates(problem: &Problem) -> Option<Vec<Vec<u32>>> {
     let count = index::at(problem.equations());
     let degrees: Vec<usize> = (0..count).map(|equation| problem.adjacent(equation).count()).collect();
     let is_corner = |&equation: &usize| problem.adjacent(equation).all(|next| degrees[equation] < degrees[next]);
