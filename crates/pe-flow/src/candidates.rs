@@ -115,6 +115,11 @@ impl<'a> Alternative<'a> {
             candidates.iter().filter(|candidate| candidate.cost.max_in_degree <= most).cloned().collect()
         };
         let mut direct = within(&first);
+        // Loads are even where the mapper sees the pairs; what is left to find is a shorter way through the step.
+        if self.relays == 0 && self.problem.has_pairs() && first.first().is_some_and(|first| self.waits(first, known)) {
+            let again = MapOptions { seed: at(aim).seed.wrapping_add(1), ..at(aim) };
+            direct.extend(within(&known.annealed(&self.problem, &again)?));
+        }
         let binds = match options.max_in_degree {
             Some(_) => direct.is_empty() || at(aim).pes > aim + 1,
             None => self.relays == 0 && self.binds(&first, aim, known),
@@ -139,10 +144,15 @@ impl<'a> Alternative<'a> {
     fn binds(&self, mappings: &[Candidate], aim: u32, known: &Known) -> bool {
         let takes_all = |candidate: &Candidate| candidate.cost.max_in_degree >= aim;
         let Some(first) = mappings.first().filter(|_| mappings.iter().any(takes_all)) else { return false };
-        let paired = pairs::pair(&self.graph, &self.fixed, &first.mapping);
+        takes_all(first) || self.waits(first, known)
+    }
+
+    /// Whether a mapping is scheduled with cycles to spare.
+    fn waits(&self, candidate: &Candidate, known: &Known) -> bool {
+        let paired = pairs::pair(&self.graph, &self.fixed, &candidate.mapping);
         let issued = paired.as_ref().map_or(&*self.graph, |paired| &paired.graph);
-        let draft = known.schedule(issued, &first.mapping, Latency::of(&self.fixed.format), true);
-        takes_all(first) || f64::from(draft.period) > TIGHT * f64::from(first.cost.max_load)
+        let draft = known.schedule(issued, &candidate.mapping, Latency::of(&self.fixed.format), true);
+        f64::from(draft.period) > TIGHT * f64::from(candidate.cost.max_load)
     }
 
     /// Whether values are copied that the step itself does not copy.

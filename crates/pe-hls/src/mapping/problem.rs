@@ -127,7 +127,7 @@ impl Problem {
     }
 
     /// Whether issue slots depend on the mapping.
-    pub(super) fn has_pairs(&self) -> bool {
+    pub fn has_pairs(&self) -> bool {
         !self.alike.is_empty()
     }
 
