@@ -4,7 +4,9 @@
 //! one instant are written out one after the other in the order of their priorities, which `order` finds. What an event changes,
 //! later ones read; conditions that read it are looked at again, and events that it sets off come in the same instant.
 
+mod again;
 mod order;
+mod refined;
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
@@ -12,9 +14,9 @@ pub(crate) use order::suits;
 
 use crate::equations::events::{FlatEvent, margin};
 use pe_ir::index::{StateId, at, number};
-use pe_ir::model::{Algebraic, Expr, Function, Model, Select, State, Variable};
-use pe_ir::motion::Motion;
+use pe_ir::model::{Algebraic, Expr, Model, Select, State, Variable};
 use pe_ir::place::Place;
+use refined::slope;
 
 /// Delayed events of one kind that wait at the same time, at most.
 const WAITING: usize = 4;
@@ -58,8 +60,12 @@ struct Writer<'a> {
     late: BTreeMap<usize, Variable>,
     /// Events whose order is found while they come.
     searched: BTreeSet<usize>,
+    /// Events that may be due more than once.
+    repeated: BTreeSet<usize>,
     /// Which of two events goes before the other: what was compared last, and what tells.
     compared: BTreeMap<(usize, usize), (Expr, Variable)>,
+    /// States that leave their words where an event finds no place.
+    lost: BTreeMap<usize, u32>,
     /// States that are taken back to the time of an event while it comes, with the change.
     lent: Vec<(u32, Variable)>,
     serial: u32,
@@ -77,6 +83,14 @@ struct Present {
     due: Option<Variable>,
     /// New values, where they are those of the time of the condition.
     frozen: Vec<Variable>,
+    /// Whether it is due once more behind that, twice more, and so on, each with its new values.
+    again: Vec<(Variable, Vec<Variable>)>,
+    /// How often its condition was looked at since it may have been due.
+    looks: usize,
+    /// How often it may be due once more.
+    places: usize,
+    /// Whether the condition may have become true without setting it off in this instant.
+    open: bool,
 }
 
 fn of(variable: Variable) -> Expr {
@@ -89,14 +103,6 @@ fn minus(expr: Expr) -> Expr {
 
 fn not(variable: Variable) -> Expr {
     Expr::sum(vec![Expr::Constant(1.0), minus(of(variable))])
-}
-
-/// The derivative of a state; what a quantity was some time ago stands still for as long as an event may be late.
-fn slope(state: &State) -> Expr {
-    match state.motion {
-        Some(Motion::Delayed(_)) => Expr::Constant(0.0),
-        _ => state.derivative.clone(),
-    }
 }
 
 /// 1 if a number of steps is above a place, else 0.
@@ -122,7 +128,9 @@ impl<'a> Writer<'a> {
             twins: BTreeMap::new(),
             late: BTreeMap::new(),
             searched: BTreeSet::new(),
+            repeated: BTreeSet::new(),
             compared: BTreeMap::new(),
+            lost: BTreeMap::new(),
             lent: Vec::new(),
             serial: 0,
         };
@@ -170,25 +178,33 @@ impl<'a> Writer<'a> {
         Variable::Algebraic(number(self.model.algebraics.len()) - 1)
     }
 
-    /// A quantity that is 0 or 1. Where order is searched an event is written out in many places and comes in few, so that runs
-    /// tell little of what it may be.
+    /// A quantity that is 0 or 1. Where order is searched, and where an event may be due more than once, it is written out in many places
+    /// and comes in few, so that runs tell little of what it may be.
     fn flag(&mut self, event: usize, what: &str, expr: Expr) -> Variable {
         let flag = self.quantity(event, what, expr);
         if let Variable::Algebraic(algebraic) = flag
-            && self.searched.contains(&event)
+            && (self.searched.contains(&event) || self.repeated.contains(&event))
         {
             self.model.algebraics[at(algebraic)].range = Some((0.0, 1.0));
         }
         flag
     }
 
+    /// A quantity that may be anything within a range, whatever runs show.
+    fn within(&mut self, event: usize, what: &str, expr: Expr, range: (f64, f64)) -> Variable {
+        let own = self.quantity(event, what, expr);
+        if let Variable::Algebraic(algebraic) = own {
+            self.model.algebraics[at(algebraic)].range = Some(range);
+        }
+        own
+    }
+
     /// What stands for a state behind a change, in the range that the state has.
     fn after(&mut self, event: usize, state: u32, expr: Expr) -> Variable {
-        let after = self.quantity(event, "after", expr);
-        if let Variable::Algebraic(algebraic) = after {
-            self.model.algebraics[at(algebraic)].range = self.model.states[StateId::new(state)].range;
+        match self.model.states[StateId::new(state)].range {
+            Some(range) => self.within(event, "after", expr, range),
+            None => self.quantity(event, "after", expr),
         }
-        after
     }
 
     /// What stands for a variable behind all changes so far.
@@ -267,7 +283,9 @@ impl<'a> Writer<'a> {
                 self.late.insert(event, late);
             }
             let frozen = self.values(event);
-            all.push(Present { held, trigger, before: trigger, due: Some(due), frozen });
+            let places = self.places(event, &watchers);
+            let (again, looks, open) = (Vec::new(), 0, false);
+            all.push(Present { held, trigger, before: trigger, due: Some(due), frozen, again, looks, places, open });
         }
         for (event, present) in all.iter_mut().enumerate() {
             if self.events[event].delay.is_some() {
@@ -308,123 +326,13 @@ impl<'a> Writer<'a> {
         values
     }
 
-    /// The time in seconds since the margin of an event was zero, where it is due by itself; zero elsewhere. One step of
-    /// Newton's method from the end of the step.
-    fn late(&mut self, event: usize, newly: Variable) -> Variable {
-        let margin = margin(&self.events[event].trigger).expect("it is a single comparison");
-        let slope = self.rate(&margin);
-        if let Some(slope) = slope.as_constant() {
-            // What changes by jumps alone is never late.
-            let scale = if slope == 0.0 { 0.0 } else { 1.0 / slope };
-            let late = Expr::scaled(scale, Expr::product(vec![of(newly), margin]));
-            return self.quantity(event, "late", late);
-        }
-        // Where the event does not come this is 1, so that nothing is divided by zero.
-        let slope = Expr::sum(vec![Expr::product(vec![of(newly), slope]), not(newly)]);
-        let slope = self.quantity(event, "slope", slope);
-        let margin = self.quantity(event, "margin", margin);
-        let late = Expr::product(vec![of(newly), of(margin), Expr::Apply(Function::Reciprocal, Box::new(of(slope)))]);
-        self.quantity(event, "late", late)
-    }
-
-    /// The derivative of an expression with respect to time, as states are without events.
-    fn rate(&self, expr: &Expr) -> Expr {
-        let mut read = Vec::new();
-        expr.each_variable(&mut |variable| read.push(variable));
-        read.sort_unstable();
-        read.dedup();
-        let mut members = Vec::new();
-        for variable in read {
-            let inner = match variable {
-                Variable::State(state) => slope(&self.model.states[state]),
-                Variable::Input(_) => continue,
-                Variable::Algebraic(algebraic) => self.rate(&self.model.algebraics[at(algebraic)].expr),
-            };
-            members.push(Expr::product(vec![expr.derivative(variable), inner]));
-        }
-        Expr::sum(members)
-    }
-
-    /// Takes states back to the time of an event: those that it changes, those that its new values read and those whose derivative
-    /// reads what it changes, or changes with it. Returns the ones that go on with another derivative.
-    fn go_back(&mut self, event: usize, late: Variable) -> Vec<u32> {
-        let assignments = &self.events[event].assignments;
-        let targets: Vec<u32> = assignments.iter().map(|(state, _)| *state).collect();
-        let mut back = targets.clone();
-        assignments.iter().for_each(|(_, value)| back.extend(self.states_read(value)));
-        let mut bent = targets.clone();
-        for reader in targets.iter().flat_map(|target| &self.readers[at(*target)]) {
-            bent.push(*reader);
-            back.extend(&self.read_by[at(*reader)]);
-        }
-        for all in [&mut back, &mut bent] {
-            all.sort_unstable();
-            all.dedup();
-        }
-        back.extend(&bent);
-        back.sort_unstable();
-        back.dedup();
-        let mut moved = Vec::new();
-        for state in back {
-            let derivative = slope(&self.model.states[StateId::new(state)]);
-            if derivative == Expr::Constant(0.0) {
-                continue;
-            }
-            let slope = self.expr(event, &derivative);
-            let own = self.present(event, Variable::State(StateId::new(state)));
-            let change = self.quantity(event, "back", minus(Expr::product(vec![of(late), slope])));
-            let at = self.quantity(event, "at", Expr::sum(vec![of(own), of(change)]));
-            moved.push((state, at, change));
-        }
-        for (state, at, change) in moved {
-            self.changed.insert(state, at);
-            // Elsewhere what is taken back is what is gone forward again, to first order.
-            if bent.contains(&state) {
-                self.jumps.entry(state).or_default().push(of(change));
-            } else {
-                self.lent.push((state, change));
-            }
-        }
-        self.twins.clear();
-        bent
-    }
-
-    /// Lets the rest of the step go by from the time of an event.
-    fn go_forward(&mut self, event: usize, late: Variable, bent: &[u32]) {
-        let mut moved = Vec::new();
-        for state in bent {
-            let derivative = slope(&self.model.states[StateId::new(*state)]);
-            if derivative == Expr::Constant(0.0) {
-                continue;
-            }
-            let slope = self.expr(event, &derivative);
-            let own = self.present(event, Variable::State(StateId::new(*state)));
-            let change = self.quantity(event, "rest", Expr::product(vec![of(late), slope]));
-            let after = self.after(event, *state, Expr::sum(vec![of(own), of(change)]));
-            moved.push((*state, after, change));
-        }
-        for (state, after, change) in moved {
-            self.changed.insert(state, after);
-            self.jumps.entry(state).or_default().push(of(change));
-        }
-        for (state, change) in std::mem::take(&mut self.lent) {
-            let own = self.present(event, Variable::State(StateId::new(state)));
-            let after = self.after(event, state, Expr::sum(vec![of(own), minus(of(change))]));
-            self.changed.insert(state, after);
-        }
-        self.twins.clear();
-    }
-
     /// Lets an event come where a variable is 1; that is always one where it is due, unless it `waits` for others.
     fn come(&mut self, event: usize, due: Variable, waits: bool, frozen: &[Variable]) {
         let all = self.events;
         let mut late = self.late.get(&event).copied();
         if let Some(own) = late.filter(|_| waits) {
-            let own = self.quantity(event, "late", Expr::product(vec![of(due), of(own)]));
-            if let Variable::Algebraic(algebraic) = own {
-                self.model.algebraics[at(algebraic)].range = Some((0.0, self.model.step));
-            }
-            late = Some(own);
+            let own = Expr::product(vec![of(due), of(own)]);
+            late = Some(self.within(event, "late", own, (0.0, self.model.step)));
         }
         let bent = late.map(|late| self.go_back(event, late));
         let mut added = Vec::new();
@@ -449,65 +357,13 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// The events whose conditions read what an event changes.
-    fn watching(&self, event: usize, watchers: &BTreeMap<u32, Vec<usize>>) -> BTreeSet<usize> {
-        let targets = self.events[event].assignments.iter().map(|(state, _)| state);
-        targets.filter_map(|state| watchers.get(state)).flatten().copied().collect()
-    }
-
-    /// Looks at the conditions that read what an event has changed, and returns the events that this may set off. One that
-    /// may come no more does so in the next step.
-    fn look_again(
-        &mut self,
-        event: usize,
-        watchers: &BTreeMap<u32, Vec<usize>>,
-        all: &mut [Present],
-        may_come: &dyn Fn(usize) -> bool,
-    ) -> Vec<usize> {
-        let events = self.events;
-        let mut set_off = Vec::new();
-        for other in self.watching(event, watchers) {
-            let present = &mut all[other];
-            let trigger = self.expr(event, &events[other].trigger);
-            let trigger = self.quantity(other, "again", trigger);
-            present.trigger = trigger;
-            let manner = events[other].manner;
-            let waits = events[other].delay.is_some();
-            if manner.cancelled
-                && let Some(due) = present.due
-            {
-                present.due = Some(self.flag(other, "due", Expr::product(vec![of(due), of(trigger)])));
-            }
-            let falls = Expr::product(vec![of(trigger), of(present.before)]);
-            if other == event || waits || !may_come(other) {
-                present.before = self.flag(other, "before", falls);
-                continue;
-            }
-            let newly = self.flag(other, "newly", Expr::product(vec![of(trigger), not(present.before)]));
-            present.before = trigger;
-            if manner.frozen {
-                let values = self.values(other);
-                for (value, kept) in values.into_iter().zip(&mut present.frozen) {
-                    let other_value = Expr::product(vec![of(newly), Expr::sum(vec![of(value), minus(of(*kept))])]);
-                    *kept = self.quantity(other, "value", Expr::sum(vec![of(*kept), other_value]));
-                }
-            }
-            present.due = Some(match present.due {
-                None => newly,
-                // It is due before, or now; both would be once.
-                Some(due) => {
-                    let both = Expr::product(vec![of(due), of(newly)]);
-                    self.flag(other, "due", Expr::sum(vec![of(due), of(newly), minus(both)]))
-                }
-            });
-            set_off.push(other);
-        }
-        set_off
-    }
-
     /// What finds no place leaves the word of a state that must stay zero, so that it is never lost unseen.
     fn lose(&mut self, event: usize, what: Variable) {
-        let lost = self.state(event, "lost", Some((0.0, 0.0)));
+        let lost = match self.lost.get(&event) {
+            Some(lost) => *lost,
+            None => self.state(event, "lost", Some((0.0, 0.0))),
+        };
+        self.lost.insert(event, lost);
         self.jumps.entry(lost).or_default().push(Expr::scaled(LEAVES, of(what)));
     }
 
@@ -564,6 +420,12 @@ impl<'a> Writer<'a> {
             newly = self.flag(event, "newly", Expr::product(vec![of(newly), of(more)]));
         }
         self.lose(event, newly);
+        // Delays that are computed may end together, which is once.
+        for place in (1..WAITING).filter(|_| computed) {
+            let sooner = Expr::sum(due[..place].iter().copied().map(of).collect());
+            let both = self.flag(event, "both", Expr::product(vec![of(due[place]), sooner]));
+            self.lose(event, both);
+        }
         present.due = Some(self.flag(event, "due", Expr::sum(due.into_iter().map(of).collect())));
         let frozen: Vec<Variable> =
             frozen.into_iter().map(|terms| self.quantity(event, "value", Expr::sum(terms))).collect();

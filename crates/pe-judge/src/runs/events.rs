@@ -53,9 +53,10 @@ pub(super) fn lost(model: &Model, graph: &StepGraph, largest: &[f64]) -> Option<
     let mut run = DoubleRun::new(graph);
     let comes = |step: &u64| run.step(&model.sample_inputs(model.time(*step, 0.0))).is_err() || run.state(state) != 0.0;
     let time = (0..model.steps()).find(comes).map_or(model.span, |step| model.time(step + 1, 0.0));
+    let event = own.name.split('.').next().unwrap_or(&own.name);
     let message = format!(
-        "an event finds no place to wait in at t = {time:.6e} s: four with a delay wait at most, and none whose condition has become \
-         false while others came before it"
+        "`{event}` finds no place to wait in at t = {time:.6e} s: four with a delay wait at most, four that are set off again before they \
+         come, and none whose condition has become false while others came before it"
     );
     let help = "take a shorter delay, or a condition that becomes true less often";
     Some(Diagnostic::error(codes::EVENT_LOST, own.span, message).with_help(help))

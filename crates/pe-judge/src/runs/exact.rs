@@ -140,7 +140,7 @@ impl Exact {
         if let Some(finding) = events::lost(model, graph, &largest) {
             return Err(vec![finding]);
         }
-        include_possible(model, graph, &mut ranges);
+        include_possible(model, graph, &largest, &mut ranges);
         let siblings = model.has_jumps().then(|| Siblings::of(graph));
         siblings.iter().for_each(|siblings| siblings.include(&mut ranges));
         copies::include(graph, &mut ranges);
@@ -271,9 +271,10 @@ pub fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnosti
         .with_help("the model or the step is unstable: try a smaller `--step`, then check the equation")
 }
 
-/// Gives products of two variables that are never both nonzero in the run the range of what they could be: an event that
-/// has not come yet must not find the finest format there is.
-fn include_possible(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
+/// Gives products of two variables that are never both nonzero in the run the range of what they could be, and so what follows
+/// from these in models with events: an event that has not come yet must not find the finest format there is. `seen` are the largest
+/// magnitudes in the run.
+fn include_possible(model: &Model, graph: &StepGraph, seen: &[f64], ranges: &mut Ranges) {
     let stays_zero = |value: ValueId| match graph.value(value).role {
         Role::Next(state) => model.states.find(state).is_some_and(State::stays_zero),
         _ => false,
@@ -284,11 +285,19 @@ fn include_possible(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
             Factor::Coefficient(factor) => factor.abs() * largest(term.operand),
             Factor::Value(factor) => largest(factor) * largest(term.operand),
         };
-        let terms = graph.chain_terms(chain);
-        if chain.function.is_some() || !terms.iter().any(|term| matches!(term.factor, Factor::Value(_))) {
+        if chain.function.is_some() {
             continue;
         }
-        let sum: f64 = terms.iter().map(of_term).sum();
+        let terms = graph.chain_terms(chain);
+        let products = terms.iter().any(|term| matches!(term.factor, Factor::Value(_)));
+        let sum: f64 = match products {
+            true => terms.iter().map(of_term).sum(),
+            // Terms that cancel in the run are no reason for room.
+            false => terms.iter().filter(|term| seen[term.operand.index()] == 0.0).map(of_term).sum(),
+        };
+        if !products && (sum == 0.0 || !model.has_jumps()) {
+            continue;
+        }
         for write in chain.writes() {
             let base = write.base.map_or(0.0, |base| ranges.largest[base.index()]);
             let slot = &mut ranges.largest[write.value.index()];

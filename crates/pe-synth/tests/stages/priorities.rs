@@ -1,5 +1,9 @@
 //! The order of events of one instant, against a queue that is sorted anew behind each of them.
 
+use std::fs;
+use std::process::Command;
+
+use crate::support::bench::Folder;
 use crate::support::written::{self, compiled, next};
 
 const STATES: [&str; 4] = ["a", "b", "c", "d"];
@@ -67,19 +71,22 @@ impl Event {
     }
 }
 
-/// The states of all steps, and the most events in one instant; none if one is set off while it is due, or sets itself off,
-/// where the language goes another way.
-fn queued(events: &[Event], steps: usize) -> Option<(Vec<[f64; 4]>, usize)> {
+/// The states of all steps, and the most events in one instant; none if one sets itself off, or is set off while it is due
+/// more often than it `may`, where the language goes another way.
+fn queued(events: &[Event], steps: usize, may: usize) -> Option<(Vec<[f64; 4]>, usize)> {
     let mut states = [0.0; 4];
     let mut held: Vec<bool> = events.iter().map(|event| event.holds(0, &states)).collect();
     let mut waiting: Vec<(usize, usize, Vec<f64>)> = Vec::new();
     let (mut rows, mut most) = (vec![states], 0);
     for step in 1..=steps {
-        let mut due: Vec<Option<Vec<f64>>> = vec![None; events.len()];
-        let mut set_off = |event: usize, states: &[f64; 4], due: &mut Vec<Option<Vec<f64>>>| {
+        let mut due: Vec<Vec<Vec<f64>>> = vec![Vec::new(); events.len()];
+        let mut set_off = |event: usize, states: &[f64; 4], due: &mut Vec<Vec<Vec<f64>>>| {
             let values = events[event].values(states);
             match events[event].delay {
-                0 => due[event].replace(values).is_none().then_some(()),
+                0 => {
+                    due[event].push(values);
+                    Some(())
+                }
                 delay => {
                     waiting.push((event, step + delay, values));
                     Some(())
@@ -97,18 +104,18 @@ fn queued(events: &[Event], steps: usize) -> Option<(Vec<[f64; 4]>, usize)> {
         waiting.retain(|(event, at, values)| {
             let (is_due, off) = (*at == step, events[*event].cancelled && !held[*event]);
             if is_due && !off {
-                due[*event] = Some(values.clone());
+                due[*event].push(values.clone());
             }
             !is_due && !off
         });
         loop {
             let priority =
                 |event: usize| events[event].priority.as_ref().map_or(f64::NEG_INFINITY, |own| value(own, &states));
-            let all = (0..events.len()).filter(|event| due[*event].is_some());
+            let all = (0..events.len()).filter(|event| !due[*event].is_empty());
             let Some(first) = all.reduce(|one, other| if priority(other) > priority(one) { other } else { one }) else {
                 break;
             };
-            let kept = due[first].take()?;
+            let kept = due[first].remove(0);
             let values = if events[first].frozen { kept } else { events[first].values(&states) };
             for ((state, _), value) in events[first].assignments.iter().zip(values) {
                 states[*state] = value;
@@ -117,14 +124,14 @@ fn queued(events: &[Event], steps: usize) -> Option<(Vec<[f64; 4]>, usize)> {
             for (event, own) in events.iter().enumerate() {
                 let holds = own.holds(step, &states);
                 if own.cancelled && !holds {
-                    due[event] = None;
+                    due[event].clear();
                 }
                 if holds && !held[event] {
                     // What is set off behind others with a delay is looked at in the next step.
-                    if event == first || own.delay > 0 || due[event].is_some() {
+                    if event == first || own.delay > 0 || due[event].len() > may {
                         return None;
                     }
-                    due[event] = Some(own.values(&states));
+                    due[event].push(own.values(&states));
                 }
                 held[event] = holds;
             }
@@ -183,7 +190,7 @@ fn events_come_in_the_order_of_a_queue_that_is_sorted_behind_each() {
     let (mut compared, mut ordered, mut set_off) = (0, 0, 0);
     for case in 0..400 {
         let events = random(&mut seed, 2 + case % 3);
-        let Some((expected, most)) = queued(&events, STEPS) else { continue };
+        let Some((expected, most)) = queued(&events, STEPS, 0) else { continue };
         // More than there are passes for are looked at in the next step.
         let levels = events.iter().any(|event| matches!(event.trigger, Trigger::Level(..)));
         if most > events.len() {
@@ -198,7 +205,7 @@ fn events_come_in_the_order_of_a_queue_that_is_sorted_behind_each() {
         // Whether the order of priorities matters here.
         let plain: Vec<Event> = events.iter().map(|event| Event { priority: None, ..event.clone() }).collect();
         compared += 1;
-        ordered += usize::from(queued(&plain, STEPS).is_some_and(|(rows, _)| rows != expected));
+        ordered += usize::from(queued(&plain, STEPS, 0).is_some_and(|(rows, _)| rows != expected));
         set_off += usize::from(levels);
     }
     println!("{compared} models compared; the order matters in {ordered}, {set_off} have events that states set off");
@@ -227,4 +234,83 @@ fn an_order_that_cannot_be_seen_costs_nothing() {
         (model.states.len(), model.algebraics.len())
     });
     assert!(sizes[0] == sizes[1] && sizes[1] == sizes[2], "{sizes:?}");
+}
+
+/// A state that goes up and down several times in an instant, and events of lower priority that it sets off each time.
+#[test]
+fn what_is_set_off_again_before_it_comes_does_so_as_often() {
+    const STEPS: usize = 6;
+    let mut seed = 23;
+    let (mut repeated, mut lost) = (0, 0);
+    for case in 0..200 {
+        let mut below = |most: f64| (next(&mut seed) * most) as usize;
+        let swings = 2 + below(9.0);
+        let mut events: Vec<Event> = (0..swings)
+            .map(|place| Event {
+                trigger: Trigger::Time(3),
+                priority: Some(([0.0; 4], 40.0 - place as f64)),
+                assignments: vec![(0, ([0.0; 4], [2.0, 0.0, 3.0][(place + below(1.5)) % 3]))],
+                frozen: below(2.0) == 0,
+                cancelled: false,
+                delay: 0,
+            })
+            .collect();
+        for place in 0..1 + below(3.0) {
+            let target = 1 + place;
+            let mut factors = [0.0; 4];
+            factors[target] = 1.0;
+            factors[below(4.0)] += 0.5;
+            events.push(Event {
+                trigger: Trigger::Level(0, 1.0),
+                priority: Some(([0.0; 4], 20.5 - place as f64 - 20.0 * (below(4.0) as f64 / 3.0))),
+                assignments: vec![(target, (factors, 1.0))],
+                frozen: below(3.0) == 0,
+                cancelled: below(4.0) == 0,
+                delay: 0,
+            });
+        }
+        let found = rows(&events, STEPS);
+        let spec: String = events.iter().map(Event::text).collect();
+        let lost_one = found.last().expect("steps")[4..].iter().any(|state| *state >= 16.0);
+        let Some((expected, _)) = queued(&events, STEPS, 4) else {
+            assert!(lost_one, "case {case}: an event is lost unseen\n{spec}");
+            lost += 1;
+            continue;
+        };
+        assert!(!lost_one, "case {case}\n{spec}");
+        for (step, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            let near = found.iter().zip(expected).all(|(one, other)| (one - other).abs() <= 1e-9 * (1.0 + other.abs()));
+            assert!(near, "case {case}, step {step}: {:?}, not {expected:?}\n{spec}", &found[..4]);
+        }
+        repeated += usize::from(queued(&events, STEPS, 0).is_none());
+    }
+    println!(
+        "{repeated} models in which an event is due more than once, {lost} with more of them than there are places"
+    );
+    assert!(repeated > 40, "{repeated}");
+}
+
+/// What cannot come as often as it is set off is told with its time and name.
+#[test]
+fn what_is_set_off_too_often_is_never_lost_unseen() {
+    let swing =
+        |place: usize| format!("when time >= 0.002, priority {} {{ a = {} }}\n", 30 - place, 2 * ((place + 1) % 2));
+    let head = "model often\nsolver euler\nstep 1 ms\nspan 6 ms\nunits off\nstate a = 0\nstate b = 0\na' = 0\nb' = 0\n";
+    for (swings, priority, is_lost) in
+        [(9, "1", false), (11, "1", true), (3, "1", false), (3, "b", true), (1, "b", false)]
+    {
+        let all: String = (0..swings).map(swing).collect();
+        let text = format!("{head}{all}when a > 1, priority {priority} {{ b = b + 1 }}\noutput a, b\n");
+        let folder = Folder::new(&format!("often_{swings}_{priority}"));
+        fs::write(folder.0.join("often.spec"), text).unwrap();
+        let run = Command::new(env!("CARGO_BIN_EXE_pe-synth"))
+            .args(["compile", "-q", "--no-pictures", "often.spec", "-o", "out"])
+            .current_dir(&folder.0)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&run.stderr);
+        assert_eq!(run.status.success(), !is_lost, "{swings}, {priority}: {said}");
+        let named = format!("`event_{}`", swings + 1);
+        assert!(!is_lost || ["E0920", &named, "t = 2.000000e-3 s"].iter().all(|part| said.contains(part)), "{said}");
+    }
 }

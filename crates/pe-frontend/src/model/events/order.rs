@@ -125,6 +125,12 @@ impl Writer<'_> {
             let due = all[event].due.take().expect("it waits");
             left[event] -= 1;
             self.come(event, due, false, &all[event].frozen);
+            if !all[event].again.is_empty() {
+                let (due, frozen) = all[event].again.remove(0);
+                (all[event].due, all[event].frozen) = (Some(due), frozen);
+                left[event] += 1;
+                waiting.insert(key(event, round));
+            }
             for other in self.look_again(event, watchers, all, &|other| round < MOST_ROUNDS && left[other] > 0) {
                 if waiting.contains(&key(other, rounds[other])) {
                     continue;
