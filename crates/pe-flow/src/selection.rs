@@ -167,6 +167,7 @@ pub fn prefer_gathered(
 
 #[cfg(test)]
 mod tests {
+    use pe_ir::index::List;
     use pe_ir::mapping::{Mapping, MappingCost};
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
