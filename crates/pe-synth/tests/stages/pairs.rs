@@ -38,7 +38,7 @@ fn used(program: &Program, index: PeId) -> u32 {
         let word = usize::from(address.word) & (used.len() - 1);
         used[word] = true;
         if address.swap {
-            used[word ^ pe.own_image.len() / 2] = true;
+            used[word ^ (pe.own_image.len() / 2)] = true;
         }
     }
     used.into_iter().map(u32::from).sum()
