@@ -115,10 +115,11 @@ impl<'a> Alternative<'a> {
             candidates.iter().filter(|candidate| candidate.cost.max_in_degree <= most).cloned().collect()
         };
         let mut direct = within(&first);
-        // Loads are even where the mapper sees the pairs; what is left to find is a shorter way through the step.
+        // Loads are even where the mapper sees the pairs; mappings as if none were lost may be a shorter way through the step.
         if self.relays == 0 && self.problem.has_pairs() && first.first().is_some_and(|first| self.waits(first, known)) {
-            let again = MapOptions { seed: at(aim).seed.wrapping_add(1), ..at(aim) };
-            direct.extend(within(&known.annealed(&self.problem, &again)?));
+            let others = known.annealed(&Problem::of(&self.optimistic), &at(aim))?;
+            let counted = |other: Candidate| Candidate { cost: self.problem.cost(&other.mapping), ..other };
+            direct.extend(within(&others.into_iter().map(counted).collect::<Vec<_>>()));
         }
         let binds = match options.max_in_degree {
             Some(_) => direct.is_empty() || at(aim).pes > aim + 1,
