@@ -115,15 +115,20 @@ impl<'a> Alternative<'a> {
             candidates.iter().filter(|candidate| candidate.cost.max_in_degree <= most).cloned().collect()
         };
         let mut direct = within(&first);
+        let waits = LazyCell::new(|| first.first().is_some_and(|first| self.waits(first, known)));
         // Loads are even where the mapper sees the pairs; mappings as if none were lost may be a shorter way through the step.
-        if self.relays == 0 && self.problem.has_pairs() && first.first().is_some_and(|first| self.waits(first, known)) {
+        if self.relays == 0 && self.problem.has_pairs() && *waits {
             let others = known.annealed(&Problem::of(&self.optimistic), &at(aim))?;
             let counted = |other: Candidate| Candidate { cost: self.problem.cost(&other.mapping), ..other };
             direct.extend(within(&others.into_iter().map(counted).collect::<Vec<_>>()));
         }
+        let takes_all = |candidate: &Candidate| candidate.cost.max_in_degree >= aim;
         let binds = match options.max_in_degree {
             Some(_) => direct.is_empty() || at(aim).pes > aim + 1,
-            None => self.relays == 0 && self.binds(&first, aim, known),
+            // Some mapping takes as many ports as aimed at, and the first one does or is scheduled with cycles to spare.
+            None => {
+                self.relays == 0 && first.iter().any(takes_all) && (first.first().is_some_and(takes_all) || *waits)
+            }
         };
         let mut routed = Vec::new();
         if self.relays == 0 && binds {
@@ -139,13 +144,6 @@ impl<'a> Alternative<'a> {
         let error = || mapping::within(&self.problem, &at(aim), first).expect_err("none is within the limit");
         let refused = direct.is_empty().then(error);
         Ok(Mapped { direct, routed, refused })
-    }
-
-    /// Whether some mapping takes as many ports as aimed at, and the first one is scheduled with cycles to spare.
-    fn binds(&self, mappings: &[Candidate], aim: u32, known: &Known) -> bool {
-        let takes_all = |candidate: &Candidate| candidate.cost.max_in_degree >= aim;
-        let Some(first) = mappings.first().filter(|_| mappings.iter().any(takes_all)) else { return false };
-        takes_all(first) || self.waits(first, known)
     }
 
     /// Whether a mapping is scheduled with cycles to spare.

@@ -181,13 +181,11 @@ impl<'a> Writer<'a> {
     /// A quantity that is 0 or 1. Where order is searched, and where an event may be due more than once, it is written out in many places
     /// and comes in few, so that runs tell little of what it may be.
     fn flag(&mut self, event: usize, what: &str, expr: Expr) -> Variable {
-        let flag = self.quantity(event, what, expr);
-        if let Variable::Algebraic(algebraic) = flag
-            && (self.searched.contains(&event) || self.repeated.contains(&event))
-        {
-            self.model.algebraics[at(algebraic)].range = Some((0.0, 1.0));
+        if self.searched.contains(&event) || self.repeated.contains(&event) {
+            self.within(event, what, expr, (0.0, 1.0))
+        } else {
+            self.quantity(event, what, expr)
         }
-        flag
     }
 
     /// A quantity that may be anything within a range, whatever runs show.

@@ -75,7 +75,8 @@ fn shapes(lengths: &[u32], pes: u32, cells: u32) -> Vec<Vec<u32>> {
 }
 
 /// A mapping of blocks with the other equations filled in: on the PE of a block next to them, as far as the fullest block or
-/// the mean load allows, and the rest shared equally by the other PEs; none if that leaves PEs without equations.
+/// the mean load allows, and the rest shared equally by the other PEs; none if that leaves PEs without equations,
+/// or equations without PEs.
 fn filled(problem: &Problem, mut pe_of: Vec<Option<u32>>, pes: u32) -> Option<Mapping> {
     // Blocks without a cell are left out.
     let mut used: Vec<u32> = pe_of.iter().flatten().copied().collect();
@@ -100,6 +101,9 @@ fn filled(problem: &Problem, mut pe_of: Vec<Option<u32>>, pes: u32) -> Option<Ma
         }
     }
     loose.sort_unstable();
+    if blocks == pes && loose.last().is_some_and(|(near, _)| *near == NOWHERE) {
+        return None;
+    }
     let load = |(_, equation): &(u32, u32)| u64::from(problem.loads()[at(*equation)]);
     let total = loads.iter().sum::<u64>() + loose.iter().map(load).sum::<u64>();
     let mut goal = total.div_ceil(u64::from(pes)).max(loads.iter().copied().max().unwrap_or(0));

@@ -211,8 +211,8 @@ impl<'p> State<'p> {
         }
     }
 
-    /// Sets the load above which overload counts, and that above which a PE is among the overloaded ones: that is more where
-    /// pairs are missed on all PEs.
+    /// Sets the load above which overload counts, and the load above which a PE is among the overloaded ones. The second is
+    /// larger where all PEs miss pairs.
     pub(super) fn set_caps(&mut self, cap: u32, high: u32) {
         self.cap = cap;
         self.high = high;

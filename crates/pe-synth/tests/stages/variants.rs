@@ -58,7 +58,7 @@ fn fields_that_take_few_values_are_stored_once_and_all_words_stay() {
 
 #[test]
 fn a_program_of_which_every_field_is_stored_once_is_the_same_in_hardware() {
-    let compiled = compile("ventilator", &["--pes", "2", "--span", "4s"]);
+    let compiled = compile("ventilator", &["--pes", "3", "--span", "4s"]);
     let program = &compiled.design.program;
     let bare = program.pes.iter().map(|pe| Fold::of(program, pe)).filter(|fold| fold.repeated_bits() == 0);
     assert!(bare.filter(|fold| fold.variants().is_some()).count() > 0, "no PE keeps numbers of variants alone");
