@@ -123,7 +123,7 @@ package pe_pkg is
 
   -- Slice `index` of `entries`, which holds slices of `width` bits, slice 0 rightmost; 0 for one that does not
   -- exist. Four slices fill a six-input lookup table as a sum of products (as multiplexers of two, equal shift
-  -- distances tempt synthesis into sharing halves); above that a balanced tree.
+  -- distances tempt synthesis into sharing halves); what groups of four give is chosen in the same way.
 
   function chosen (
     entries : std_ulogic_vector;
@@ -445,13 +445,13 @@ package body pe_pkg is
 
     constant COUNT  : positive := entries'length / width;
     constant GROUPS : positive := (COUNT + 3) / 4;
-    constant LEVELS : natural  := index_bits(GROUPS);
 
-    variable tree    : std_ulogic_vector(2 ** LEVELS * width - 1 downto 0);
-    variable picked  : std_ulogic_vector(width - 1 downto 0);
-    variable masked  : std_ulogic_vector(width - 1 downto 0);
-    variable hits    : std_ulogic_vector(3 downto 0);
-    variable ordinal : natural;
+    variable ordinals : std_ulogic_vector(index'length - 1 downto 0);
+    variable joined   : std_ulogic_vector(GROUPS * width - 1 downto 0);
+    variable picked   : std_ulogic_vector(width - 1 downto 0);
+    variable masked   : std_ulogic_vector(width - 1 downto 0);
+    variable hits     : std_ulogic_vector(3 downto 0);
+    variable ordinal  : natural;
 
   begin
 
@@ -459,19 +459,18 @@ package body pe_pkg is
       return entries;
     end if;
 
-    hits := "0001";
+    ordinals := index;
+    hits     := "0001";
 
     if (index'length > 1) then
-      hits(0) := not index(1) and not index(0);
-      hits(1) := not index(1) and index(0);
-      hits(2) := index(1) and not index(0);
-      hits(3) := index(1) and index(0);
+      hits(0) := not ordinals(1) and not ordinals(0);
+      hits(1) := not ordinals(1) and ordinals(0);
+      hits(2) := ordinals(1) and not ordinals(0);
+      hits(3) := ordinals(1) and ordinals(0);
     else
-      hits(0) := not index(0);
-      hits(1) := index(0);
+      hits(0) := not ordinals(0);
+      hits(1) := ordinals(0);
     end if;
-
-    tree := (others => '0');
 
     for group_index in 0 to GROUPS - 1 loop
 
@@ -488,25 +487,15 @@ package body pe_pkg is
 
       end loop;
 
-      tree((group_index + 1) * width - 1 downto group_index * width) := picked;
+      joined((group_index + 1) * width - 1 downto group_index * width) := picked;
 
     end loop;
 
-    for level in 0 to LEVELS - 1 loop
+    if (GROUPS = 1) then
+      return joined;
+    end if;
 
-      for i in 0 to 2 ** (LEVELS - 1 - level) - 1 loop
-
-        if (index(level + 2) = '1') then
-          tree((i + 1) * width - 1 downto i * width) := tree((2 * i + 2) * width - 1 downto (2 * i + 1) * width);
-        else
-          tree((i + 1) * width - 1 downto i * width) := tree((2 * i + 1) * width - 1 downto 2 * i * width);
-        end if;
-
-      end loop;
-
-    end loop;
-
-    return tree(width - 1 downto 0);
+    return chosen(joined, ordinals(ordinals'high downto 2), width);
 
   end function chosen;
 

@@ -28,7 +28,10 @@ begin
 
     variable checks  : natural;
     variable layout  : layout_t;
-    variable entries : std_ulogic_vector(8 * 4 - 1 downto 0);
+    variable entries : std_ulogic_vector(40 * 6 - 1 downto 0);
+    variable picked  : std_ulogic_vector(5 downto 0);
+
+    variable ordinal_bits : natural;
 
     variable octave   : natural;
     variable mantissa : natural;
@@ -84,19 +87,25 @@ begin
     end loop;
 
     -- Selection
-    for i in 0 to 7 loop
+    for i in 0 to 39 loop
 
-      entries((i + 1) * 4 - 1 downto i * 4) := std_ulogic_vector(to_unsigned(15 - i, 4));
+      entries((i + 1) * 6 - 1 downto i * 6) := std_ulogic_vector(to_unsigned(63 - i, 6));
 
     end loop;
 
-    for count in 1 to 8 loop
+    for count in 1 to 40 loop
 
-      for i in 0 to count - 1 loop
+      ordinal_bits := larger(index_bits(count), 1);
 
-        check(checks, "chosen", chosen(entries(count * 4 - 1 downto 0),
-                                       std_ulogic_vector(to_unsigned(i, larger(index_bits(count), 1))), 4)
-              = std_ulogic_vector(to_unsigned(15 - i, 4)));
+      for i in 0 to 2 ** ordinal_bits - 1 loop
+
+        picked := chosen(entries(count * 6 - 1 downto 0), std_ulogic_vector(to_unsigned(i, ordinal_bits)), 6);
+
+        if (i < count) then
+          check(checks, "chosen", picked = std_ulogic_vector(to_unsigned(63 - i, 6)));
+        elsif (count > 1) then
+          check(checks, "nothing to choose", picked = "000000");
+        end if;
 
       end loop;
 

@@ -126,9 +126,7 @@ impl<'a> Alternative<'a> {
         let binds = match options.max_in_degree {
             Some(_) => direct.is_empty() || at(aim).pes > aim + 1,
             // Some mapping takes as many ports as aimed at, and the first one does or is scheduled with cycles to spare.
-            None => {
-                self.relays == 0 && first.iter().any(takes_all) && (first.first().is_some_and(takes_all) || *waits)
-            }
+            None => self.relays == 0 && first.iter().any(takes_all) && (first.first().is_some_and(takes_all) || *waits),
         };
         let mut routed = Vec::new();
         if self.relays == 0 && binds {

@@ -192,7 +192,7 @@ fn title(family: Family) -> &'static str {
 
 fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let table = root.join("src/area/measured.txt");
+    let table = root.join("../pe-target/src/area/measured.txt");
     let mut texts = vec![fs::read_to_string(&table).expect("measured.txt is there")];
     texts.extend(std::env::args().skip(1).map(|path| fs::read_to_string(path).expect("the file can be read")));
     let shapes = collect(&texts);
@@ -200,7 +200,7 @@ fn main() {
         .expect("measured.txt is written");
     let fits = Family::MEASURED.map(|family| Fit::of(family, &shapes));
 
-    let code = root.join("src/area/fitted.rs");
+    let code = root.join("../pe-target/src/area/fitted.rs");
     let text = fs::read_to_string(&code).expect("fitted.rs is there");
     let kept = text.find("\n/// Xilinx").expect("the constants begin");
     let constants: String = fits.iter().map(Fit::code).collect();

@@ -5,7 +5,8 @@
 
 SET is `table1`, the PEs of table I of the paper as ours (default), `shifts`, the same PE with other shift positions, or
 `pre_adder`, PEs with and without sums of two operands, `tables`, PEs with and without lookups, `model`, PEs that
-the area model is fitted to, `deep`, some of them with the deep pipeline, or `widths`, PEs with other multipliers.
+the area model is fitted to, `deep`, some of them with the deep pipeline, `widths`, PEs with other multipliers, or
+`ports`, PEs with many input ports.
 Programs and memory images are random bits, so that no tool can simplify them.
 """
 
@@ -74,7 +75,9 @@ WIDTHS = [
     shape(own=4, imported=4, ports=1, shifts="6,8,10", word=33, coefficients=16, flags="s"),
     shape(own=8, imported=0, ports=0, shifts="3,5,9,11", data=32, coefficient=32, accumulator=66, coefficients=8, flags="f"),
 ]
-SETS = {"table1": TABLE1, "shifts": SHIFTS, "pre_adder": PRE_ADDER, "tables": TABLES, "model": MODEL, "deep": DEEP, "widths": WIDTHS}
+# What choices among more ports cost than a table of six inputs makes.
+PORTS = [shape(ports=ports, word=33, flags="s") for ports in (8, 12, 15, 24)]
+SETS = {"table1": TABLE1, "ports": PORTS, "shifts": SHIFTS, "pre_adder": PRE_ADDER, "tables": TABLES, "model": MODEL, "deep": DEEP, "widths": WIDTHS}
 
 
 def index_bits(count):
@@ -107,7 +110,7 @@ def main(folder, name="table1"):
     root = Path(__file__).resolve().parents[3]
     shutil.rmtree(folder, ignore_errors=True)
     os.makedirs(os.path.join(folder, "hdl"))
-    libraries = ["pe_pkg", "pe_write_pkg", "pe_style_pkg", "pe_replica", "pe_ram", "pe_rom", "pe_multiplier", "pe_index", "pe_scale", "pe"]
+    libraries = ["pe_pkg", "pe_write_pkg", "pe_style_pkg", "pe_replica", "pe_ram", "pe_rom", "pe_multiplier", "pe_index", "pe_coefficient", "pe_scale", "pe"]
     for library in libraries:
         shutil.copy(root / "hdl" / f"{library}.vhd", os.path.join(folder, "hdl"))
     generator = random.Random(1)

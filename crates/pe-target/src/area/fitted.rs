@@ -27,39 +27,39 @@ pub struct Fitted {
 
 /// Xilinx 6 and 7 series, and LUTs of UltraScale+.
 pub const XC6V: Fitted = Fitted {
-    lut: [0.99, 1.0, 0.997, 1.064, 0.972, 4.001, 1.999, 0.837, 1.0, 16.001],
-    lut_deviation: 0.0197,
-    ff: [1.06, 0.943, 0.922, 1.004, 0.801, 1.998],
-    ff_deviation: 0.0187,
-    shapes: [4, 3, 0, 2, 0, 2, 3, 1, 2, 2, 3, 3, 0, 0],
-    deep_lut: 0.912,
-    deep_lut_deviation: 0.0378,
-    deep_ff: 1.047,
-    deep_ff_deviation: 0.0095,
+    lut: [0.988, 1.0, 1.003, 1.043, 1.017, 4.0, 1.999, 0.837, 1.0, 16.0],
+    lut_deviation: 0.0194,
+    ff: [1.069, 0.942, 0.932, 1.003, 0.796, 1.998],
+    ff_deviation: 0.0193,
+    shapes: [4, 3, 0, 2, 0, 2, 3, 1, 2, 2, 3, 7, 0, 0],
+    deep_lut: 0.909,
+    deep_lut_deviation: 0.0372,
+    deep_ff: 1.043,
+    deep_ff_deviation: 0.0091,
 };
 
 /// Lattice ECP5.
 pub const ECP5: Fitted = Fitted {
-    lut: [0.993, 1.034, 0.994, 1.023, 1.056, 4.0, 2.0, 1.037, 1.027, 45.0],
-    lut_deviation: 0.0261,
-    ff: [1.056, 1.003, 0.977, 1.0, 0.937, 1.999],
-    ff_deviation: 0.0137,
-    shapes: [2, 1, 4, 9, 1, 2, 0, 2, 2, 7, 4, 2, 0, 4],
+    lut: [0.997, 1.048, 0.99, 1.033, 0.975, 4.001, 2.0, 1.049, 1.038, 45.001],
+    lut_deviation: 0.0267,
+    ff: [1.061, 1.002, 0.978, 1.0, 0.935, 1.999],
+    ff_deviation: 0.0129,
+    shapes: [2, 1, 4, 9, 1, 2, 0, 2, 2, 7, 4, 6, 0, 4],
     deep_lut: 0.0,
-    deep_lut_deviation: 0.0595,
-    deep_ff: 1.023,
-    deep_ff_deviation: 0.0064,
+    deep_lut_deviation: 0.0609,
+    deep_ff: 1.022,
+    deep_ff_deviation: 0.0062,
 };
 
 /// Gowin GW1N and GW2A.
 pub const GOWIN: Fitted = Fitted {
-    lut: [0.942, 1.21, 1.196, 1.1, 1.052, 4.001, 2.0, 0.999, 1.135, 45.003],
-    lut_deviation: 0.0377,
-    ff: [1.038, 0.977, 0.963, 1.0, 0.956, 2.0],
-    ff_deviation: 0.0140,
-    shapes: [2, 1, 4, 3, 1, 2, 0, 2, 2, 2, 2, 2, 0, 0],
+    lut: [0.946, 1.202, 1.207, 1.106, 1.039, 4.001, 2.0, 0.998, 1.139, 45.003],
+    lut_deviation: 0.0365,
+    ff: [1.06, 0.981, 0.968, 1.0, 0.947, 1.999],
+    ff_deviation: 0.0136,
+    shapes: [2, 1, 4, 3, 1, 2, 0, 2, 2, 2, 2, 6, 0, 0],
     deep_lut: 0.0,
-    deep_lut_deviation: 0.0648,
-    deep_ff: 1.037,
-    deep_ff_deviation: 0.0082,
+    deep_lut_deviation: 0.0661,
+    deep_ff: 1.03,
+    deep_ff_deviation: 0.0072,
 };

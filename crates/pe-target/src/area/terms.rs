@@ -265,7 +265,8 @@ fn shift_choices(shifts: &[u8], bits: f64) -> f64 {
     chosen.values().sum::<f64>() + joined
 }
 
-/// Tables per bit of the choice among input ports: one for up to four, one more to join such groups.
+/// Tables of six inputs per bit of the choice among input ports: one for up to four, and those that choose among such groups.
 fn port_tables(ports: u32) -> f64 {
-    f64::from(ports / 4 + u32::from(ports % 4 > 1) + u32::from(ports > 4))
+    let groups = f64::from(ports / 4 + u32::from(ports % 4 > 1));
+    if ports > 4 { groups + port_tables(ports.div_ceil(4)) } else { groups }
 }
