@@ -42,8 +42,11 @@ for fuzzed in spec_text:1000000 stage_texts:8000000 program_text:16000000; do
     cargo test --workspace --locked --quiet --test fuzz -- --exact "${fuzzed%:*}" --nocapture || failed+=("${fuzzed%:*}")
 done
 
-printf '\n== models on hundreds of PEs (%d s)\n' "$SECONDS"
-PE_LONG=1 cargo test --workspace --locked --quiet --test stages -- full_size:: library:: signals:: --nocapture || failed+=(stages)
+# What cargo test keeps a part of: models on hundreds of PEs, all starts of verify, netlists in Verilator.
+printf '\n== the tests that have more to do (%d s)\n' "$SECONDS"
+longer=(full_size:: library:: signals:: events:: delays:: mechanisms:: counted:: angles:: sampled:: parts:: rings:: pairs::)
+PE_LONG=1 cargo test --workspace --locked --quiet --test stages -- "${longer[@]}" --nocapture || failed+=(stages)
+PE_LONG=1 cargo test --workspace --locked --quiet --test commands -- inject:: outputs:: transports:: || failed+=(commands)
 
 # 1,000 neurons with 100 synapses each: every spike of the run in double precision is one of an independent simulation, and a
 # design is judged by its rates.

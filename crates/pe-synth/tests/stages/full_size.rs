@@ -16,7 +16,7 @@ const TRIES: &str = "50000";
 
 /// Models with numbers of PEs and spans that keep the middle near.
 const MODELS: [(&str, &str, &str); 3] =
-    [("weibel11", "396", "100 ms"), ("wave80", "380", "10 ms"), ("atrial15", "309", "10 ms")];
+    [("wave80", "380", "10 ms"), ("weibel11", "396", "100 ms"), ("atrial15", "309", "10 ms")];
 
 fn agree((model, pes, span): (&str, &str, &str), engines: &[Engine]) {
     let clock = Instant::now();
@@ -39,9 +39,11 @@ fn lutchen4000_on_397_pes_agrees() {
 #[test]
 fn other_models_on_hundreds_of_pes_agree() {
     // GHDL takes minutes for them.
-    let long = is_long_suite();
-    let engines: &[Engine] = if long { &[Engine::Reference, Engine::Ghdl] } else { &[Engine::Reference] };
-    MODELS.into_iter().for_each(|model| agree(model, engines));
+    if is_long_suite() {
+        MODELS.into_iter().for_each(|model| agree(model, &[Engine::Reference, Engine::Ghdl]));
+    } else {
+        agree(MODELS[0], &[Engine::Reference]);
+    }
 }
 
 #[test]

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::support::agree::engines;
 use crate::support::bench::assert_lively_agreement;
 use crate::support::flow::Start;
 use crate::support::written::next;
@@ -22,7 +23,6 @@ use pe_judge::{Criteria, DesignPoint};
 use pe_sim::clocked::Clocked;
 use pe_sim::fixed::FixedRun;
 use pe_sim::machine::{self, Machine};
-use pe_verify::engines::Engine;
 
 fn loaded(text: &str) -> LoadedModel {
     let loaded = spec::load_text(Path::new("written.spec"), text, &Default::default());
@@ -215,10 +215,10 @@ fn all_engines_agree_on_rings_from_reset_and_from_the_middle() {
         let point = DesignPoint { pes: Some(pes), pipeline, ..DesignPoint::default() };
         let design = design(&loaded, &point, choice);
         assert!(has_rings(&design));
-        let starts = [start("beginning", &loaded, &design, (0, 150)), start("middle", &loaded, &design, (170, 150))];
+        let starts = [start("beginning", &loaded, &design, (0, 120)), start("middle", &loaded, &design, (170, 60))];
         let label = format!("rings on {pes} PEs, {pipeline:?}");
-        let engines = [Engine::Reference, Engine::Fast, Engine::Ghdl, Engine::Verilator];
-        let sum = assert_lively_agreement(&label, &starts, &engines, 0.5);
+        let engines = engines(pipeline == Pipeline::Deep);
+        let sum = assert_lively_agreement(&label, &starts, engines, 0.5);
         println!("{label}: {} memory writes and {} outputs equal", sum.writes, sum.outputs);
     }
 }

@@ -1,5 +1,6 @@
 //! Models with sampled parts: against the library's solution, bit for bit through all stages, and at rest.
 
+use crate::support::agree::engines;
 use crate::support::bench::assert_lively_agreement;
 use crate::support::flow::{Flow, Placement, format};
 use pe_frontend::{NoFiles, Overrides};
@@ -19,9 +20,6 @@ use pe_sim::reference;
 use pe_verify::engines::Engine;
 
 const ENGINES: [Engine; 3] = [Engine::Reference, Engine::Fast, Engine::Ghdl];
-
-/// Every engine, for some of the designs.
-const ALL_ENGINES: [Engine; 4] = Engine::ALL;
 
 /// Part of the words that changes at least: held ones do not, and a filter sees steps only.
 const HELD: f64 = 0.4;
@@ -213,7 +211,7 @@ fn controlled_motors_agree_bit_for_bit() {
         "motor",
         [
             (motor("10 ms", Solver::Rk4), 2, (32, 32, 32), &ENGINES[..]),
-            (motor("30 ms", Solver::Rk4), 3, (32, 25, 18), &ALL_ENGINES),
+            (motor("30 ms", Solver::Rk4), 3, (32, 25, 18), engines(true)),
             (motor("30 ms", Solver::Trapezoidal), 2, (32, 32, 32), &ENGINES),
         ],
     );
@@ -237,7 +235,7 @@ fn observers_and_filters_agree_bit_for_bit() {
         "observer",
         [
             (observer("10 ms", Solver::Rk4), 3, (32, 32, 32), &ENGINES[..]),
-            (observer("20 ms", Solver::Heun), 2, (32, 25, 18), &ALL_ENGINES),
+            (observer("20 ms", Solver::Heun), 2, (32, 25, 18), engines(false)),
             (observer("20 ms", Solver::Rk4), 3, (32, 32, 32), &ENGINES),
             (observer("10 ms", Solver::Euler), 2, (32, 32, 32), &ENGINES),
             (filter("10 ms"), 2, (32, 32, 32), &ENGINES),

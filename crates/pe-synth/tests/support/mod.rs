@@ -4,6 +4,7 @@
 // Every test file compiles all of this and uses a part.
 #![allow(dead_code)]
 
+pub mod agree;
 pub mod bench;
 pub mod bus;
 pub mod damage;
