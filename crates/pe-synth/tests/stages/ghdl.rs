@@ -1,5 +1,6 @@
 //! Compiled designs in GHDL and as Rust reference in both forms, bit for bit against the simulator.
 
+use crate::support::agree::ENGINES;
 use crate::support::bench::{Agreement, Folder, assert_agreement};
 use crate::support::flow::{Flow, Placement, Start, format};
 use crate::support::hubs::hub_model;
@@ -10,12 +11,10 @@ use pe_ir::graph::StageForm;
 use pe_ir::model::Solver;
 use pe_ir::source::Sources;
 use pe_ir::word::{Pipeline, WordFormat};
-use pe_verify::engines::{self, Engine};
+use pe_verify::engines;
 
 /// Steps of every comparison of small designs.
 const STEPS: u64 = 20;
-
-const ENGINES: [Engine; 3] = [Engine::Reference, Engine::Fast, Engine::Ghdl];
 
 fn report(what: &str, sum: Agreement) {
     let Agreement { runs, writes, outputs, seconds } = sum;
@@ -25,14 +24,14 @@ fn report(what: &str, sum: Agreement) {
 /// Designs, each from the beginning and from the middle.
 fn assert_all_agree(what: &str, flows: impl Iterator<Item = Flow>) {
     let mut sum = Agreement::default();
-    flows.for_each(|flow| sum += assert_agreement(&flow.label, &flow.starts(STEPS), &ENGINES));
+    flows.for_each(|flow| sum += assert_agreement(&flow.label, &flow.starts(STEPS), ENGINES));
     report(what, sum);
 }
 
 /// A random model from the beginning and from the middle.
 fn agree(family: Family, size: (usize, u32), solver: Solver, widths: (u32, u32, u32), seed: u64) -> Agreement {
     let flow = Flow::random(family, size, solver, format(widths.0, widths.1, widths.2), Placement::Annealed, seed);
-    assert_agreement(&flow.label, &flow.starts(STEPS), &ENGINES)
+    assert_agreement(&flow.label, &flow.starts(STEPS), ENGINES)
 }
 
 #[test]
@@ -68,7 +67,7 @@ fn stages_that_are_alike_agree_beside_outputs_that_are_sent_and_equations_that_a
         let compiled = compile_file(&path, &[options, &["--loop", "on", "--tries", "2000"]].concat());
         assert_eq!(compiled.design.program.rounds, rounds, "{}", path.display());
         let label = path.display().to_string();
-        sum += assert_agreement(&label, &[compiled.middle(STEPS)], &ENGINES);
+        sum += assert_agreement(&label, &[compiled.middle(STEPS)], ENGINES);
     }
     report("looped stages beside others", sum);
     assert!(sum.runs == 6 && sum.writes > 500, "{} runs, {} writes", sum.runs, sum.writes);
@@ -161,7 +160,7 @@ fn agree_on_model(model: &str, options: &[&str]) -> Agreement {
     let compiled = compile(model, options);
     // Tests run side by side: each design has a name of its own.
     let label = format!("{model} {}", options.join(" ").replace("--", ""));
-    assert_agreement(&label, &compiled.starts(STEPS), &ENGINES)
+    assert_agreement(&label, &compiled.starts(STEPS), ENGINES)
 }
 
 #[test]
@@ -246,7 +245,7 @@ fn inputs_at_the_ends_of_their_words_agree() {
             assert_eq!(simulated.overflow, flag, "{}: {words:?}", flow.label);
             start
         });
-        sum += assert_agreement(&flow.label, &starts, &ENGINES);
+        sum += assert_agreement(&flow.label, &starts, ENGINES);
     }
     report("inputs", sum);
 }

@@ -1,6 +1,6 @@
 //! Models with sampled parts: against the library's solution, bit for bit through all stages, and at rest.
 
-use crate::support::agree::engines;
+use crate::support::agree::{ENGINES, engines};
 use crate::support::bench::assert_lively_agreement;
 use crate::support::flow::{Flow, Placement, format};
 use pe_frontend::{NoFiles, Overrides};
@@ -18,8 +18,6 @@ use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
 use pe_sim::reference;
 use pe_verify::engines::Engine;
-
-const ENGINES: [Engine; 3] = [Engine::Reference, Engine::Fast, Engine::Ghdl];
 
 /// Part of the words that changes at least: held ones do not, and a filter sees steps only.
 const HELD: f64 = 0.4;
@@ -210,9 +208,9 @@ fn controlled_motors_agree_bit_for_bit() {
     assert_sampled(
         "motor",
         [
-            (motor("10 ms", Solver::Rk4), 2, (32, 32, 32), &ENGINES[..]),
+            (motor("10 ms", Solver::Rk4), 2, (32, 32, 32), ENGINES),
             (motor("30 ms", Solver::Rk4), 3, (32, 25, 18), engines(true)),
-            (motor("30 ms", Solver::Trapezoidal), 2, (32, 32, 32), &ENGINES),
+            (motor("30 ms", Solver::Trapezoidal), 2, (32, 32, 32), ENGINES),
         ],
     );
 }
@@ -222,9 +220,9 @@ fn parts_with_several_rates_agree_bit_for_bit() {
     assert_sampled(
         "rates",
         [
-            (rates("10 ms", "30 ms", Solver::Rk4), 3, (32, 32, 32), &ENGINES[..]),
-            (rates("20 ms", "50 ms", Solver::Euler), 2, (32, 25, 18), &ENGINES),
-            (rates("10 ms", "20 ms", Solver::Rodas3), 3, (32, 32, 32), &ENGINES),
+            (rates("10 ms", "30 ms", Solver::Rk4), 3, (32, 32, 32), ENGINES),
+            (rates("20 ms", "50 ms", Solver::Euler), 2, (32, 25, 18), ENGINES),
+            (rates("10 ms", "20 ms", Solver::Rodas3), 3, (32, 32, 32), ENGINES),
         ],
     );
 }
@@ -234,12 +232,12 @@ fn observers_and_filters_agree_bit_for_bit() {
     assert_sampled(
         "observer",
         [
-            (observer("10 ms", Solver::Rk4), 3, (32, 32, 32), &ENGINES[..]),
+            (observer("10 ms", Solver::Rk4), 3, (32, 32, 32), ENGINES),
             (observer("20 ms", Solver::Heun), 2, (32, 25, 18), engines(false)),
-            (observer("20 ms", Solver::Rk4), 3, (32, 32, 32), &ENGINES),
-            (observer("10 ms", Solver::Euler), 2, (32, 32, 32), &ENGINES),
-            (filter("10 ms"), 2, (32, 32, 32), &ENGINES),
-            (filter("20 ms"), 1, (24, 18, 18), &ENGINES),
+            (observer("20 ms", Solver::Rk4), 3, (32, 32, 32), ENGINES),
+            (observer("10 ms", Solver::Euler), 2, (32, 32, 32), ENGINES),
+            (filter("10 ms"), 2, (32, 32, 32), ENGINES),
+            (filter("20 ms"), 1, (24, 18, 18), ENGINES),
         ],
     );
 }

@@ -10,10 +10,12 @@ use super::bench::assert_lively_agreement;
 use super::is_long_suite;
 use super::models::compile_file;
 
-/// All engines; outside of the long suite without Verilator, whose build takes longer than all else, unless it is asked for.
+/// All engines but Verilator, whose build takes longer than all else.
+pub const ENGINES: &[Engine] = &[Engine::Reference, Engine::Fast, Engine::Ghdl];
+
+/// The same, and Verilator if it is asked for or in the long suite.
 pub fn engines(verilator: bool) -> &'static [Engine] {
-    const ALL: &[Engine] = &[Engine::Reference, Engine::Fast, Engine::Ghdl, Engine::Verilator];
-    if verilator || is_long_suite() { ALL } else { &ALL[..3] }
+    if verilator || is_long_suite() { &Engine::ALL } else { ENGINES }
 }
 
 /// Asserts that Rust reference, fast form and GHDL compute the words of the simulator, of which so large a part changes: from
@@ -22,7 +24,7 @@ pub fn assert_same_words(spec: &Path, options: &str, steps: u64, part: f64) {
     let words: Vec<&str> = options.split_whitespace().collect();
     if !is_long_suite() {
         let starts = compile_file(spec, &words).starts(steps);
-        assert_lively_agreement(&spec.display().to_string(), &starts, engines(false), part);
+        assert_lively_agreement(&spec.display().to_string(), &starts, ENGINES, part);
         return;
     }
     let folder = spec.with_extension("design").display().to_string();
