@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The long suite, beside test-all.sh: damage in six designs and that of a random model, and netlists after technology
-# mapping in three families; models on hundreds of PEs in GHDL; hours of fuzzing; known weaknesses of dependencies.
+# mapping in three families; models on hundreds of PEs in GHDL; hours of fuzzing; what deny.toml says of dependencies.
 #
 #   testbenches/long.sh [DAMAGES [SEED]]
 #
@@ -24,8 +24,14 @@ fi
 mkdir -p "$out"
 failed=()
 
-printf '\n== advisories (%d s)\n' "$SECONDS"
-"$target/tools/bin/cargo-deny" check advisories || failed+=(advisories)
+printf '\n== licences, duplicate versions, sources and advisories of dependencies (%d s)\n' "$SECONDS"
+# What deny.toml is written for.
+deny_version=0.20.2
+deny=$target/tools/bin/cargo-deny
+if [[ $("$deny" --version 2> /dev/null) != "cargo-deny $deny_version" ]]; then
+  cargo install --quiet --locked --debug cargo-deny --version "$deny_version" --root "$target/tools"
+fi
+"$deny" check || failed+=(dependencies)
 
 printf '\n== what pages say is printed (%d s)\n' "$SECONDS"
 PE_SYNTH=$pe_synth crates/xtask/pages/printed.py --check --long || failed+=(printed)
@@ -46,6 +52,7 @@ done
 printf '\n== the tests that have more to do (%d s)\n' "$SECONDS"
 longer=(full_size:: library:: signals:: events:: delays:: mechanisms:: counted:: angles:: sampled:: parts:: rings:: pairs::)
 PE_LONG=1 cargo test --workspace --locked --quiet --test stages -- "${longer[@]}" --nocapture || failed+=(stages)
+PE_LONG=1 cargo test --workspace --locked --quiet --test equivalence verilator || failed+=(equivalence)
 PE_LONG=1 cargo test --workspace --locked --quiet --test commands -- inject:: outputs:: transports:: || failed+=(commands)
 
 # 1,000 neurons with 100 synapses each: every spike of the run in double precision is one of an independent simulation, and a

@@ -95,12 +95,6 @@ lint() {
   "$venv/bin/vsg" -c hdl/vsg.yml -of syntastic -f "$@"
 }
 
-# What deny.toml is written for.
-deny_version=0.20.2
-deny=$target/tools/bin/cargo-deny
-if [[ $("$deny" --version 2> /dev/null) != "cargo-deny $deny_version" ]]; then
-  cargo install --quiet --locked --debug cargo-deny --version "$deny_version" --root "$target/tools"
-fi
 wait "$python_packages" || fail 'packages of Python are missing'
 
 begin 'rustfmt'
@@ -108,10 +102,6 @@ cargo fmt --all --check
 
 begin 'clippy'
 cargo clippy --workspace --all-targets --locked -- -D warnings
-
-begin 'licences, duplicate versions and sources of dependencies'
-cargo fetch --locked --quiet
-"$deny" --offline check licenses bans sources
 
 begin 'cargo test'
 cargo test --workspace --locked

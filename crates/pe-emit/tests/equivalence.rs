@@ -195,13 +195,16 @@ fn assert_verilator(index: usize, pipeline: Pipeline, directory: &str) {
 
 #[test]
 fn verilator_agrees() {
-    assert_verilator(0, Pipeline::Short, "verilator");
     assert_verilator(7, Pipeline::Short, "verilator_tables");
-    assert_verilator(9, Pipeline::Short, "verilator_rings");
+    // Each netlist takes a build of its own.
+    if std::env::var_os("PE_LONG").is_some() {
+        assert_verilator(0, Pipeline::Short, "verilator");
+        assert_verilator(9, Pipeline::Short, "verilator_rings");
+        assert_verilator(2, Pipeline::Deep, "verilator_deep_wide");
+    }
 }
 
 #[test]
 fn verilator_agrees_on_deep_pipelines() {
     assert_verilator(0, Pipeline::Deep, "verilator_deep");
-    assert_verilator(2, Pipeline::Deep, "verilator_deep_wide");
 }
