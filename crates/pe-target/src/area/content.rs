@@ -20,8 +20,9 @@ pub fn rom(words: &[u128], bits: u32, logic: bool, family: Family) -> MemoryCell
     // Bits that are alike share tables and registers.
     let changing = (0..bits).filter(|bit| changing >> bit & 1 == 1);
     let changing: BTreeSet<Vec<bool>> = changing.map(|bit| column(words, bit)).collect();
+    let joined = joined(words.len() as u32, family);
     changing.iter().fold(MemoryCells::default(), |cells, column| MemoryCells {
-        lut: cells.lut + tables(column, family.lut_inputs()),
+        lut: cells.lut + joined * tables(column, family.lut_inputs()),
         ff: cells.ff + 1.0,
         ..cells
     })
@@ -33,7 +34,18 @@ pub fn random(words: u32, bits: u32, logic: bool, family: Family) -> MemoryCells
         return memory::rom(words, bits);
     }
     let parts = words.next_power_of_two().div_ceil(1 << family.lut_inputs());
-    MemoryCells { lut: f64::from(bits * parts), ff: f64::from(bits), bram18: 0 }
+    MemoryCells { lut: joined(words, family) * f64::from(bits * parts), ff: f64::from(bits), bram18: 0 }
+}
+
+/// What a table of a memory takes with what joins tables: nothing more where blocks would not be used anyway. Deeper ones read what
+/// a block has read, and synthesis spends tables on that path: as much as whole networks of weibel5 and atrial3 take
+/// (docs/silicon.md).
+fn joined(words: u32, family: Family) -> f64 {
+    match (words > LUT_ROM_WORDS, family.wide_tables()) {
+        (false, _) => 1.0,
+        (true, true) => 2.4,
+        (true, false) => 1.4,
+    }
 }
 
 /// A bit of all words, up to a power of two of them.
@@ -42,7 +54,7 @@ fn column(words: &[u128], bit: u32) -> Vec<bool> {
     words.iter().map(|word| word >> bit & 1 == 1).chain(std::iter::repeat_n(false, padding)).collect()
 }
 
-/// Tables of so many inputs that give a bit of the word at an address; multiplexers that join them cost nothing.
+/// Tables of so many inputs that give a bit of the word at an address, without what joins them.
 fn tables(column: &[bool], inputs: u32) -> f64 {
     let column = supported(column.to_vec());
     match column.len() {
