@@ -37,9 +37,8 @@ pub fn random(words: u32, bits: u32, logic: bool, family: Family) -> MemoryCells
     MemoryCells { lut: joined(words, family) * f64::from(bits * parts), ff: f64::from(bits), bram18: 0 }
 }
 
-/// What a table of a memory takes with what joins tables: nothing more where blocks would not be used anyway. Deeper ones read what
-/// a block has read, and synthesis spends tables on that path: as much as whole networks of weibel5 and atrial3 take
-/// (docs/silicon.md).
+/// Factor for what joins the tables of a memory: 1 up to [`LUT_ROM_WORDS`] words. The address of deeper ones comes out of a block,
+/// and synthesis spends tables on that path, here as many as whole networks of weibel5 and atrial3 take (docs/silicon.md).
 fn joined(words: u32, family: Family) -> f64 {
     match (words > LUT_ROM_WORDS, family.wide_tables()) {
         (false, _) => 1.0,
