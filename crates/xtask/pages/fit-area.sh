@@ -12,7 +12,7 @@ source "$(dirname "$(realpath "$0")")/../common.sh"
 folders=()
 for folder in "$@"; do folders+=("$(realpath "$folder")"); done
 cd "$root"
-for set in shifts pre_adder model deep tables widths; do
+for set in shifts pre_adder model deep tables widths ports; do
   python3 "$synthesis/single_pes.py" "out/pes-$set" "$set"
   folders+=("out/pes-$set")
 done
