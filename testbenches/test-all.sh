@@ -18,6 +18,7 @@ trap ended EXIT
 
 cd "$(dirname "$(realpath "$0")")/.."
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+mkdir -p "$target"
 
 begin() {
   section=$1
@@ -95,20 +96,27 @@ lint() {
   "$venv/bin/vsg" -c hdl/vsg.yml -of syntastic -f "$@"
 }
 
-wait "$python_packages" || fail 'packages of Python are missing'
-
 begin 'rustfmt'
 cargo fmt --all --check
 
-begin 'clippy'
-cargo clippy --workspace --all-targets --locked -- -D warnings
+begin 'build and clippy; beside them the test benches of the VHDL entities'
+benches() {
+  testbenches/run.sh
+  crates/xtask/pages/timing.sh --check
+}
+(set -e; benches) > "$target/benches.log" 2>&1 &
+benches=$!
+# Clippy is the compiler of the workspace from here on, which lints and then does what rustc does: one pass in place of two.
+export RUSTC_WORKSPACE_WRAPPER=clippy-driver CLIPPY_ARGS=-Dwarnings__CLIPPY_HACKERY__
+cargo test --workspace --all-targets --locked --no-run
+wait "$python_packages" || fail 'packages of Python are missing'
+wait "$benches" || { cat "$target/benches.log"; fail 'the test benches failed'; }
+cat "$target/benches.log"
 
 begin 'cargo test'
+# Netlists run for a few hundred steps: building them is what takes long.
+export MAKEFLAGS='OPT_FAST=-O0 OPT_SLOW=-O0 OPT_GLOBAL=-O0'
 cargo test --workspace --locked
-
-begin 'test benches of the VHDL entities'
-testbenches/run.sh
-crates/xtask/pages/timing.sh --check
 
 begin 'what pages say is printed'
 # Everything has the features that it had in the tests: a second build of the workspace takes minutes.

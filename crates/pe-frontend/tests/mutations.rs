@@ -19,9 +19,11 @@ const LONGEST: Duration = Duration::from_millis(990);
 /// Large models run into these limits instead of taking their full time thousands of times over.
 const LIMITS: Limits = Limits { elements: 3_000, evaluations: 60_000, reads: 20_000 };
 
-/// Texts made from one spec by systematic damage, and by random damage; what is more is thinned out evenly.
-const SYSTEMATIC: usize = 700;
-const RANDOM: usize = 150;
+/// Texts made from one spec by systematic damage, and by random damage, of which the long suite takes [`MORE`] times as many;
+/// what is more is thinned out evenly.
+const SYSTEMATIC: usize = 350;
+const RANDOM: usize = 75;
+const MORE: usize = 2;
 
 /// Of these, texts that run within the limits of the product, however large the model.
 const FULL_SIZE: usize = 6;
@@ -95,11 +97,12 @@ fn no_damage_to_a_shipped_spec_makes_the_front_end_panic_or_hang() {
     let mut paths = common::specs(&common::root().join("models"));
     paths.extend(common::specs(&common::root().join("crates/pe-frontend/tests/specs")));
     let mut texts: Vec<(String, String, Limits)> = Vec::new();
+    let more = if std::env::var_os("PE_LONG").is_some() { MORE } else { 1 };
     for (number, path) in paths.iter().enumerate() {
         let original = std::fs::read_to_string(path).expect("the spec can be read");
         let mut generator = ChaCha8Rng::seed_from_u64(number as u64);
-        let mut damaged = thinned(systematic(&original), SYSTEMATIC);
-        for _ in 0..RANDOM {
+        let mut damaged = thinned(systematic(&original), SYSTEMATIC * more);
+        for _ in 0..RANDOM * more {
             let mut text = original.clone();
             for _ in 0..generator.random_range(1..=4) {
                 text = mutate(&text, &mut generator);

@@ -1,7 +1,6 @@
 //! `pe-synth bench`: the same model and solver as native code on this computer, compared with the hardware.
 
 use std::fmt::Write;
-use std::fs;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -15,6 +14,7 @@ use serde_json::{Value, json};
 use crate::console;
 use crate::messages::MessageFormat;
 use crate::options::{MappingArgs, ModelArgs, PointArgs, positive};
+use crate::output;
 use crate::progress;
 use pe_flow::failure::Failure;
 use pe_flow::pipeline::{self, Design};
@@ -100,7 +100,7 @@ impl Bench {
         let clock = ClockSource { given: self.clock, device: None }.of(&design.program.format, pes);
         let figures = figures(&design, model, clock, steps, &measurement);
         if let Some(path) = &self.output {
-            fs::write(path, format!("{figures:#}\n")).map_err(|error| Failure::file("write", path, error))?;
+            output::write_file(path, format!("{figures:#}\n").as_bytes())?;
         }
         if quiet {
             console::out(&format!("{figures}\n"))

@@ -8,6 +8,7 @@ use petgraph::dot::{Config, Dot};
 use crate::console;
 use crate::messages::MessageFormat;
 use crate::options::{MappingArgs, ModelArgs, PointArgs};
+use crate::output;
 use crate::progress;
 use pe_flow::elimination;
 use pe_flow::failure::Failure;
@@ -74,7 +75,7 @@ impl Dump {
     pub fn run(&self) -> Result<(), Failure> {
         let text = self.text()?;
         match &self.output {
-            Some(path) => std::fs::write(path, text).map_err(|error| Failure::file("write", path, error)),
+            Some(path) => output::write_file(path, text.as_bytes()),
             None => console::out(&text),
         }
     }

@@ -1,10 +1,10 @@
 //! `pe-synth fmt`: lays out the text of specs.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::console;
 use crate::messages::MessageFormat;
+use crate::output;
 use pe_flow::failure::Failure;
 use pe_flow::spec::{self, STANDARD_INPUT};
 
@@ -63,25 +63,9 @@ impl Fmt {
             if path.as_path() == Path::new(STANDARD_INPUT) {
                 console::out(text)?;
             } else if *changed {
-                replace(path, text)?;
+                output::write_file(path, text.as_bytes())?;
             }
         }
         Ok(())
     }
-}
-
-/// Replaces a file by one step, so that it is whole at every moment.
-fn replace(path: &Path, text: &str) -> Result<(), Failure> {
-    let failed = |error| Failure::file("write", path, error);
-    // Behind a link the file itself is replaced.
-    let path = path.canonicalize().map_err(failed)?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let partial = path.with_file_name(format!(".{name}.partial-{}", std::process::id()));
-    let written = fs::write(&partial, text)
-        .and_then(|()| fs::set_permissions(&partial, fs::metadata(&path)?.permissions()))
-        .and_then(|()| fs::rename(&partial, &path));
-    written.map_err(|error| {
-        let _ = fs::remove_file(&partial);
-        Failure::file("write", &path, error)
-    })
 }

@@ -14,6 +14,7 @@ use crate::import::propose::{self, Asked};
 use crate::import::{self, suite};
 use crate::messages::{MessageFormat, print_findings};
 use crate::options;
+use crate::output;
 
 /// Writes a model of another format as a spec: SBML of levels 2 and 3, CellML, Myokit, DiffSL
 ///
@@ -85,7 +86,11 @@ impl Import {
     /// What cannot be expressed; results that differ.
     pub fn run(&self) -> Result<(), Failure> {
         match (&self.file, &self.suite) {
-            (_, Some(folder)) => self.write(&suite::page(&suite::run(folder, &self.case)?)),
+            (_, Some(folder)) => self.write(&suite::page(&suite::run(
+                folder,
+                &self.case,
+                self.quiet || self.message_format == MessageFormat::Json,
+            )?)),
             (Some(file), None) => self.import(file),
             (None, None) => Err(Failure::Usage("give a model, or `--suite FOLDER`".to_owned())),
         }
@@ -150,7 +155,7 @@ impl Import {
 
     fn write(&self, text: &str) -> Result<(), Failure> {
         match &self.output {
-            Some(path) => std::fs::write(path, text).map_err(|error| Failure::file("write", path, error)),
+            Some(path) => output::write_file(path, text.as_bytes()),
             None => console::out(text),
         }
     }

@@ -11,6 +11,7 @@ use pe_sim::machine::Machine;
 use crate::console;
 use crate::messages::MessageFormat;
 use crate::options::{MappingArgs, ModelArgs, PointArgs};
+use crate::output;
 use crate::progress;
 use crate::rerun::{self, WatchArgs};
 use crate::waveforms;
@@ -59,7 +60,7 @@ impl Sim {
         let is_vcd = self.output.as_ref().and_then(|path| path.extension()).is_some_and(|end| end == "vcd");
         let trace = if is_vcd { vcd(&loaded.model, &rows)? } else { csv(&loaded.model, &rows).into_bytes() };
         match &self.output {
-            Some(path) => std::fs::write(path, trace).map_err(|error| Failure::file("write", path, error)),
+            Some(path) => output::write_file(path, &trace),
             None => console::out(&String::from_utf8_lossy(&trace)),
         }
     }

@@ -177,17 +177,37 @@ impl OutputFolder {
     }
 }
 
-/// Writes a single file: complete, or not at all.
+/// Writes a single file: complete, or not at all. One that is there keeps its permissions, and a link its end; a device or a
+/// pipe is written to.
 ///
 /// # Errors
 /// If it cannot be written.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Failure> {
-    let name = path.file_name().ok_or_else(|| Failure::file("write", path, "it has no name"))?;
-    let partial = path.with_file_name(format!(".{}.partial-{}", name.to_string_lossy(), std::process::id()));
-    fs::write(&partial, content).and_then(|()| fs::rename(&partial, path)).map_err(|error| {
-        let _ = fs::remove_file(&partial);
-        Failure::file("write", path, error)
-    })
+    let failed = |error| Failure::file("write", path, error);
+    let mut target = path.to_owned();
+    let mut permissions = None;
+    match fs::metadata(path) {
+        Ok(found) if !found.is_file() => return fs::write(path, content).map_err(failed),
+        Ok(found) => {
+            target = path.canonicalize().map_err(failed)?;
+            permissions = Some(found.permissions());
+        }
+        Err(error) if error.kind() == ErrorKind::NotFound => {}
+        Err(error) => return Err(failed(error)),
+    }
+    let name = target.file_name().ok_or_else(|| Failure::file("write", path, "it has no name"))?;
+    let partial = target.with_file_name(format!(".{}.partial-{}", name.to_string_lossy(), std::process::id()));
+    let written = fs::write(&partial, content)
+        .and_then(|()| permissions.map_or(Ok(()), |permissions| fs::set_permissions(&partial, permissions)))
+        .and_then(|()| fs::rename(&partial, &target));
+    let Err(error) = written else { return Ok(()) };
+    let _ = fs::remove_file(&partial);
+    // The file may be written where its folder may not, and a mounted file cannot be replaced.
+    match error.kind() {
+        ErrorKind::PermissionDenied | ErrorKind::ResourceBusy if target.is_file() => fs::write(&target, content),
+        _ => Err(error),
+    }
+    .map_err(failed)
 }
 
 /// Catches interrupts before there is anything to remove: one that comes just as the folder does finds it.

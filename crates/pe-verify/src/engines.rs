@@ -327,6 +327,9 @@ impl<'a> Bench<'a> {
         let mut build = Command::new("verilator");
         build.args(["--cc", "--exe", "--build", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", &self.design]);
         build.arg("--Mdir").arg(&folder).args(["-o", "netlist"]).arg(&file).arg(driver);
+        if job.steps < BRIEF {
+            build.args(["-MAKEFLAGS", "OPT_FAST=-O0 OPT_GLOBAL=-O0"]);
+        }
         for tool in ["make", "g++"] {
             self.children.run(Command::new(tool).arg("--version"), tool, "apt-get install g++ make")?;
         }
@@ -340,7 +343,7 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Bytes of a reference, and steps, below which optimising it takes longer than that saves.
+/// Bytes of a reference, and steps, below which optimising it takes longer than that saves; the same steps of a netlist.
 const SMALL: u64 = 300_000;
 const BRIEF: u64 = 1_000;
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use pe_flow::failure::Failure;
 use pe_import::{Settings, Wanted};
@@ -12,6 +13,7 @@ use rayon::prelude::*;
 
 use super::compare::{self, Results};
 use super::propose::{self, Asked};
+use crate::progress::Teller;
 
 /// Versions of SBML in which a case may be written, the first that is there is taken.
 const VERSIONS: [&str; 7] = ["l3v2", "l3v1", "l2v5", "l2v4", "l2v3", "l2v2", "l2v1"];
@@ -42,11 +44,12 @@ pub struct Case {
     pub outcome: Outcome,
 }
 
-/// Runs all cases of a folder, or those whose names begin as one of `only`, in the order of their names.
+/// Runs all cases of a folder, or those whose names begin as one of `only`, and gives them in the order of their names. Tells
+/// how many are done unless `quiet`.
 ///
 /// # Errors
 /// A folder that cannot be read or holds no case.
-pub fn run(folder: &Path, only: &[String]) -> Result<Vec<Case>, Failure> {
+pub fn run(folder: &Path, only: &[String], quiet: bool) -> Result<Vec<Case>, Failure> {
     let entries = fs::read_dir(folder).map_err(|error| Failure::file("read", folder, error))?;
     let mut folders: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     folders.retain(|path| {
@@ -58,7 +61,23 @@ pub fn run(folder: &Path, only: &[String]) -> Result<Vec<Case>, Failure> {
     if folders.is_empty() {
         return Err(Failure::file("read", folder, "it holds no folder NAME with NAME-settings.txt"));
     }
-    Ok(folders.par_iter().map(|path| case(path)).collect())
+    let all = folders.len();
+    let told = Mutex::new((Teller::new("import", quiet), 0));
+    let run = |path: &PathBuf| {
+        {
+            let (teller, done) = &*told.lock().unwrap_or_else(PoisonError::into_inner);
+            teller.begin(&format!("{done} of {all} cases, {} at work", name_of(path)));
+        }
+        let case = case(path);
+        let (teller, done) = &mut *told.lock().unwrap_or_else(PoisonError::into_inner);
+        *done += 1;
+        let left = teller.elapsed() * (all - *done) as f64 / *done as f64;
+        teller.hear(&format!("{done} of {all} cases"), &format!("{done} of {all} cases"), left);
+        case
+    };
+    let cases = folders.par_iter().map(run).collect();
+    told.lock().unwrap_or_else(PoisonError::into_inner).0.finish();
+    Ok(cases)
 }
 
 fn name_of(path: &Path) -> String {

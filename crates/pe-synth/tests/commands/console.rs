@@ -1,6 +1,7 @@
-//! Standard output that cannot be written.
+//! Standard output and files that cannot be written.
 
 use std::fs;
+use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -54,4 +55,69 @@ fn a_full_disk_behind_standard_output_is_a_failure_and_a_closed_pipe_is_none() {
         drop(child.stdout.take());
         assert_eq!(child.wait().unwrap().code(), Some(0), "{command:?} with a closed pipe");
     }
+}
+
+#[test]
+fn a_file_is_written_whole_through_links_and_into_devices_and_pipes() {
+    let spec = model("van_der_pol").into_os_string().into_string().unwrap();
+    let home = Path::new(env!("CARGO_TARGET_TMPDIR")).join("console_files");
+    let _ = fs::remove_dir_all(&home);
+    fs::create_dir_all(home.join("inner")).unwrap();
+    let sim = |to: &str| {
+        let words = ["sim", &spec, "--double", "--span", "20ms", "-o", to];
+        pe_synth().current_dir(&home).args(words).output().unwrap()
+    };
+    assert!(sim("inner/trace.csv").status.success());
+    let trace = fs::read(home.join("inner/trace.csv")).unwrap();
+    assert!(trace.len() > 100);
+
+    // A link stays one, and the file behind it keeps its permissions.
+    fs::write(home.join("inner/old.csv"), "old").unwrap();
+    let mut permissions = fs::metadata(home.join("inner/old.csv")).unwrap().permissions();
+    permissions.set_mode(0o640);
+    fs::set_permissions(home.join("inner/old.csv"), permissions).unwrap();
+    std::os::unix::fs::symlink("inner/old.csv", home.join("link.csv")).unwrap();
+    assert!(sim("link.csv").status.success());
+    assert!(fs::symlink_metadata(home.join("link.csv")).unwrap().is_symlink());
+    assert_eq!(fs::read(home.join("inner/old.csv")).unwrap(), trace);
+    assert_eq!(fs::metadata(home.join("inner/old.csv")).unwrap().permissions().mode() & 0o777, 0o640);
+
+    // What is no file is written to, and is there afterwards.
+    assert_eq!(sim("/dev/stdout").stdout, trace);
+    assert!(sim("/dev/null").status.success());
+    assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+    let full = sim("/dev/full");
+    assert_eq!(full.status.code(), Some(3), "{}", stderr(&full));
+    let folder = sim("inner");
+    assert_eq!(folder.status.code(), Some(3), "{}", stderr(&folder));
+    assert!(stderr(&folder).contains("inner"), "{}", stderr(&folder));
+    let names = |path: &Path| {
+        let entries = fs::read_dir(path).unwrap();
+        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(&home), ["inner", "link.csv"]);
+    assert_eq!(names(&home.join("inner")), ["old.csv", "trace.csv"]);
+}
+
+#[test]
+fn a_file_that_a_full_disk_cannot_take_stays_as_it_was() {
+    let spec = model("van_der_pol").into_os_string().into_string().unwrap();
+    let home = Path::new(env!("CARGO_TARGET_TMPDIR")).join("console_full");
+    let _ = fs::remove_dir_all(&home);
+    fs::create_dir_all(&home).unwrap();
+    let trace = home.join("trace.csv");
+    fs::write(&trace, "old").unwrap();
+    // A limit on the size of files ends a write like a full disk, but with a signal unless that is ignored.
+    let limited = format!(
+        "trap '' XFSZ; ulimit -f 1; exec {} sim {spec} --double --span 2s -o {}",
+        env!("CARGO_BIN_EXE_pe-synth"),
+        trace.display()
+    );
+    let output = Command::new("bash").args(["-c", &limited]).output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    assert!(stderr(&output).contains("trace.csv"), "{}", stderr(&output));
+    assert_eq!(fs::read(&trace).unwrap(), b"old");
+    assert_eq!(fs::read_dir(&home).unwrap().count(), 1);
 }

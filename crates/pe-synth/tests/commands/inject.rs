@@ -374,7 +374,7 @@ fn a_small_campaign_catches_or_proves_damage_and_is_the_same_again() {
         assert_eq!(code, Some(if missed == 0 { 0 } else { 4 }), "{errors}");
         (result, text)
     };
-    let (damages, injected, caught) = if is_long_suite() { ("30", 30, 10) } else { ("14", 14, 5) };
+    let (damages, injected, caught) = if is_long_suite() { ("30", 30, 10) } else { ("10", 10, 4) };
     let (result, text) = campaign(damages, "1");
     let count = |name: &str| result["all"][name].as_u64().expect("a count");
     assert_eq!(count("injected"), injected);

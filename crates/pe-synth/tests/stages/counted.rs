@@ -5,6 +5,7 @@ use std::process::{Command, Output};
 
 use crate::support::agree::assert_same_words;
 use crate::support::bench::Folder;
+use crate::support::is_long_suite;
 use crate::support::written::next;
 use serde_json::Value;
 
@@ -84,7 +85,12 @@ fn numbers_of_spikes_are_those_that_runs_count_themselves() {
     for own in report["events"]["counts"].as_array().unwrap() {
         assert_eq!((&own["double"], &own["fixed"]), (&fired["double"], &fired["fixed"]), "{own}");
     }
-    assert_same_words(&spec.0.0.join("counted.spec"), "--pes 2 --judge events", 60, 0.2);
+    assert_same_words(
+        &spec.0.0.join("counted.spec"),
+        "--pes 2 --judge events",
+        if is_long_suite() { 60 } else { 25 },
+        0.2,
+    );
 }
 
 #[test]

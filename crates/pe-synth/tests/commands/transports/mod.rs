@@ -436,6 +436,7 @@ fn simulations_of_the_hardware_give_the_same_integers() {
     for ((name, options), steps, more) in
         [(HOSTED[0], 1000, plain), (HOSTED[1], 200, plain), (HOSTED[3], 200, streams), (HOSTED[4], 90, streams)]
     {
+        let steps = if is_long_suite() { steps } else { steps / 3 };
         let folder = Folder::new(&format!("transports_simulated_{}", label(name)));
         let settings = wrapped(&folder.0, name, options, more);
         let expected = without_proof(program(&mut model(&folder.0), steps, 13));
