@@ -50,11 +50,10 @@ done
 
 # What cargo test keeps a part of: models on hundreds of PEs, all starts of verify, netlists in Verilator.
 printf '\n== the tests that have more to do (%d s)\n' "$SECONDS"
-longer=(full_size:: library:: signals:: events:: delays:: mechanisms:: counted:: angles:: sampled:: parts:: rings:: pairs::)
-PE_LONG=1 cargo test --workspace --locked --quiet --test stages -- "${longer[@]}" --nocapture || failed+=(stages)
+PE_LONG=1 cargo test --workspace --locked --quiet --test stages -- --nocapture || failed+=(stages)
 PE_LONG=1 cargo test --workspace --locked --quiet --test equivalence verilator || failed+=(equivalence)
 PE_LONG=1 cargo test --workspace --locked --quiet --test mutations || failed+=(mutations)
-PE_LONG=1 cargo test --workspace --locked --quiet --test commands -- inject:: outputs:: transports:: || failed+=(commands)
+PE_LONG=1 cargo test --workspace --locked --quiet --test commands -- inject:: outputs:: transports:: wrap:: host:: foreign:: bench:: || failed+=(commands)
 
 # 1,000 neurons with 100 synapses each: every spike of the run in double precision is one of an independent simulation, and a
 # design is judged by its rates.

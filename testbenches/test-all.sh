@@ -106,7 +106,8 @@ benches() {
 }
 (set -e; benches) > "$target/benches.log" 2>&1 &
 benches=$!
-# Clippy is the compiler of the workspace from here on, which lints and then does what rustc does: one pass in place of two.
+# Clippy is the compiler of the workspace from here on: one pass in place of two. It lints, then builds as rustc does but for
+# optimisations of MIR.
 export RUSTC_WORKSPACE_WRAPPER=clippy-driver CLIPPY_ARGS=-Dwarnings__CLIPPY_HACKERY__
 cargo test --workspace --all-targets --locked --no-run
 wait "$python_packages" || fail 'packages of Python are missing'

@@ -11,6 +11,8 @@ use pe_sim::error::Trajectory;
 use pe_verify::native;
 use serde_json::Value;
 
+use crate::support::kept;
+
 /// Steps of a comparison: odd, so that states end where those of the next step began.
 const STEPS: u64 = 21;
 
@@ -59,11 +61,12 @@ fn native_code_computes_the_same_numbers_in_double_precision_and_near_ones_in_si
 /// Tables of equal segments and of octaves, few lookups that are written out and many that are listed.
 #[test]
 fn native_code_looks_up_what_tables_hold() {
-    for (model, options) in [
+    let models = [
         ("hodgkin_huxley", &["--steps", "1001"][..]),
         ("ventilator", &["--steps", "101"]),
         ("ventricle", &["--set", "n=2", "--span", "25us", "--steps", "5", "--allow", "E0903"]),
-    ] {
+    ];
+    for (model, options) in kept(models, 2) {
         let figures = bench_of(model, options, None);
         let runs = figures["computer"]["runs"].as_array().unwrap();
         let double = runs.iter().filter(|run| run["precision"] == "double");

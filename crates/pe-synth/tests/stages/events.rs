@@ -175,7 +175,12 @@ fn all_engines_have_the_same_events() {
         let text = if number == 3 { text.replace("solver rk4", "solver euler") } else { text };
         let path = folder.0.join("events.spec");
         fs::write(&path, text).unwrap();
-        assert_same_words(&path, "--pes 2 --allow E0903", if number == 2 && !is_long_suite() { 24 } else { 200 }, 0.2);
+        assert_same_words(
+            &path,
+            "--pes 2 --allow E0903",
+            if is_long_suite() { 200 } else { [100, 100, 24, 100][number] },
+            0.2,
+        );
     }
 }
 

@@ -19,7 +19,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::support::bench::{Folder, emit};
 use crate::support::flow::{Flow, Placement, format};
 use crate::support::models::compile;
-use crate::support::{Family, is_long_suite};
+use crate::support::{Family, kept};
 
 /// Steps of a run; in the middle its state moves.
 const STEPS: usize = 12;
@@ -299,13 +299,13 @@ const MODELS: [(&str, &[&str]); 24] = [
     ("lutchen4000", &["--pes", "64", "--span", "1ms", "--tries", "10"]),
 ];
 
-const SHORT: usize = 8;
+const SHORT: usize = 5;
 
 #[test]
 fn the_library_of_every_model_agrees_with_the_simulator() {
     let host = Host::new("library_models");
     let (mut calls, mut raised) = (0, 0);
-    for (seed, (model, options)) in (1..).zip(MODELS).take(if is_long_suite() { MODELS.len() } else { SHORT }) {
+    for (seed, (model, options)) in (1..).zip(kept(MODELS, SHORT)) {
         let (compared, flagged) = agree(&host, model, &compile(model, options).design.program, seed);
         println!("{model}: {compared} calls, {flagged} runs with flags");
         calls += compared;

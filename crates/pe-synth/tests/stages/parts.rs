@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::support::agree::engines;
 use crate::support::bench::assert_lively_agreement;
 use crate::support::flow::Start;
-use crate::support::is_long_suite;
+use crate::support::kept;
 use crate::support::written::next;
 use pe_flow::known::Known;
 use pe_flow::pipeline::{self, Design, Prepared};
@@ -171,7 +171,7 @@ fn start(name: &'static str, loaded: &LoadedModel, design: &Design, (step, steps
 #[test]
 fn all_engines_agree_on_rounds_of_parts_from_reset_and_from_the_middle() {
     let cases = [(3, 4, 2, Pipeline::Short, true), (5, 3, 2, Pipeline::Deep, true), (9, 2, 3, Pipeline::Short, false)];
-    for (rows, columns, pes, pipeline, uneven) in cases.into_iter().take(if is_long_suite() { 3 } else { 2 }) {
+    for (rows, columns, pes, pipeline, uneven) in kept(cases, 2) {
         let text = Tissue { solver: "rush_larsen", rows, columns, apart: Vec::new(), uneven }.text();
         let point = DesignPoint { pes: Some(pes), pipeline, ..DesignPoint::default() };
         let (loaded, parts, _) = designs(&text, &point);

@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::support::agree::engines;
 use crate::support::bench::assert_lively_agreement;
 use crate::support::flow::Start;
-use crate::support::is_long_suite;
+use crate::support::kept;
 use crate::support::written::next;
 use pe_flow::pipeline::{self, Design};
 use pe_flow::settings::{MappingOptions, Settings};
@@ -212,7 +212,7 @@ fn all_engines_agree_on_rings_from_reset_and_from_the_middle() {
     let loaded = loaded(LONG);
     let cases =
         [(3, Pipeline::Short, Choice::Rings), (4, Pipeline::Deep, Choice::Copies), (1, Pipeline::Short, Choice::Rings)];
-    for (pes, pipeline, choice) in cases.into_iter().take(if is_long_suite() { 3 } else { 2 }) {
+    for (pes, pipeline, choice) in kept(cases, 2) {
         let point = DesignPoint { pes: Some(pes), pipeline, ..DesignPoint::default() };
         let design = design(&loaded, &point, choice);
         assert!(has_rings(&design));

@@ -11,6 +11,7 @@ use pe_verify::engines::{self, Bench, Engine, Job, Run};
 use pe_verify::package;
 
 use super::flow::Start;
+use super::is_long_suite;
 
 /// Least share of words that must be neither zero nor what stood there before; otherwise a comparison proves little.
 const LIVELINESS: f64 = 0.9;
@@ -140,11 +141,13 @@ pub fn assert_agreement(label: &str, starts: &[Start], engines: &[Engine]) -> Ag
     assert_lively_agreement(label, starts, engines, LIVELINESS)
 }
 
-/// The same where so large a part of the words changes. Starts that differ in words alone share what engines build.
+/// The same where so large a part of the words changes. Starts that differ in words alone share what engines build. GHDL, which
+/// takes most of the time, has one of the starts, by the label, but all in the long suite.
 pub fn assert_lively_agreement(label: &str, starts: &[Start], engines: &[Engine], part: f64) -> Agreement {
     let mut agreement = Agreement::default();
     let mut last: Option<Built> = None;
-    for start in starts {
+    let in_ghdl = label.bytes().map(usize::from).sum::<usize>() % starts.len().max(1);
+    for (number, start) in starts.iter().enumerate() {
         let steps = start.stimulus.len() as u64;
         let label = format!("{label}, from the {}", start.name);
         let expected = engines::simulate(&start.program, &start.stimulus, steps);
@@ -154,6 +157,9 @@ pub fn assert_lively_agreement(label: &str, starts: &[Start], engines: &[Engine]
         let built = last.take().filter(|built| built.starts(&start.program));
         let mut built = built.unwrap_or_else(|| Built::new(&start.program, &start.stimulus, &label));
         for engine in engines {
+            if *engine == Engine::Ghdl && number != in_ghdl && !is_long_suite() {
+                continue;
+            }
             let clock = Instant::now();
             let run = built.run(*engine, &start.program, &start.stimulus);
             engine

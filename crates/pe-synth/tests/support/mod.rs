@@ -63,6 +63,11 @@ pub fn is_long_suite() -> bool {
     std::env::var_os("PE_LONG").is_some()
 }
 
+/// All cases in the long suite, else as many as the test keeps of them.
+pub fn kept<T>(cases: impl IntoIterator<Item = T>, short: usize) -> impl Iterator<Item = T> {
+    cases.into_iter().take(if is_long_suite() { usize::MAX } else { short })
+}
+
 fn state(index: usize) -> Expr {
     Expr::Variable(Variable::State(StateId::new(index as u32)))
 }

@@ -17,6 +17,7 @@ use super::wrap::{pe_synth, root};
 use crate::support::bench::Folder;
 use crate::support::bus::{self, Device};
 use crate::support::damage::copied;
+use crate::support::kept;
 use models::{Counter, Divider, Entity, Smoothing, Step, step};
 
 /// An entity of `testbenches/axi/entities`, with what its map is to say.
@@ -349,16 +350,14 @@ fn judged(design: &Path, scratch: &Path, case: &Case, build: Build) -> Checked {
 
 #[test]
 fn wrapped_entities_do_what_the_page_says() {
-    for (number, (case, build, stream)) in [
+    let cases = [
         (SMOOTHING, bus::ghdl as Build, &["--stream"][..]),
         (NARROW, bus::ghdl, &[]),
         (DIVIDER, bus::ghdl, &[]),
         (COUNTER, bus::ghdl, &["--stream"]),
         (DIVIDER, bus::verilator, &["--stream"]),
-    ]
-    .into_iter()
-    .enumerate()
-    {
+    ];
+    for (number, (case, build, stream)) in kept(cases, 4).enumerate() {
         let folder = Folder::new(&format!("foreign_{number}"));
         let design = wrapped(&folder.0, &case, stream);
         let judged = judged(&design, &folder.sub("scratch"), &case, build);
