@@ -299,7 +299,7 @@ const MODELS: [(&str, &[&str]); 24] = [
     ("lutchen4000", &["--pes", "64", "--span", "1ms", "--tries", "10"]),
 ];
 
-const SHORT: usize = 5;
+const SHORT: usize = 8;
 
 #[test]
 fn the_library_of_every_model_agrees_with_the_simulator() {

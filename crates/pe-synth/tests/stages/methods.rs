@@ -3,6 +3,7 @@
 
 use crate::support::bench::{Agreement, Folder, assert_agreement};
 use crate::support::flow::{Flow, Placement, Start, format};
+use crate::support::is_long_suite;
 use crate::support::models::compile_file;
 use pe_frontend::{NoFiles, Overrides};
 use pe_ir::graph::StageForm;
@@ -396,7 +397,8 @@ fn steps_with_tables_and_lists_of_steps_agree_in_ghdl() {
     }
     let Agreement { runs, writes, outputs, seconds } = sum;
     println!("{runs} runs, {writes} memory writes and {outputs} outputs equal, {seconds:.1} s in the engines");
-    assert!(runs == 28 && writes > 1000, "{runs} runs, {writes} writes");
+    // Two engines, one of them from one start in place of two.
+    assert!(runs == if is_long_suite() { 28 } else { 22 } && writes > 1000, "{runs} runs, {writes} writes");
 }
 
 #[test]
