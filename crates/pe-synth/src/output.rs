@@ -177,7 +177,7 @@ impl OutputFolder {
     }
 }
 
-/// Writes a single file: complete, or not at all. One that is there keeps its permissions, and a link its end; a device or a
+/// Writes a single file: complete, or not at all. A file that is there keeps its permissions, and a link stays one; a device or a
 /// pipe is written to.
 ///
 /// # Errors
@@ -192,11 +192,16 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Failure> {
             target = path.canonicalize().map_err(failed)?;
             permissions = Some(found.permissions());
         }
+        Err(error) if error.kind() == ErrorKind::NotFound && path.is_symlink() => {
+            return fs::write(path, content).map_err(failed);
+        }
         Err(error) if error.kind() == ErrorKind::NotFound => {}
         Err(error) => return Err(failed(error)),
     }
     let name = target.file_name().ok_or_else(|| Failure::file("write", path, "it has no name"))?;
-    let partial = target.with_file_name(format!(".{}.partial-{}", name.to_string_lossy(), std::process::id()));
+    // Not the name itself, which may be as long as names can be.
+    let name = sha256(name.as_encoded_bytes());
+    let partial = target.with_file_name(format!(".{}.partial-{}", &name[..16], std::process::id()));
     let written = fs::write(&partial, content)
         .and_then(|()| permissions.map_or(Ok(()), |permissions| fs::set_permissions(&partial, permissions)))
         .and_then(|()| fs::rename(&partial, &target));

@@ -398,7 +398,7 @@ impl<'a, 'f> Reader<'a, 'f> {
 /// A reference to what is not there.
 fn unknown_id(node: Node, id: &str) -> Diagnostic {
     if id.is_empty() {
-        let message = format!("`<{}>` does not say which quantity it is about", node.tag_name().name());
+        let message = format!("`<{}>` lacks the id that it refers to", node.tag_name().name());
         return Diagnostic::error(codes::IMPORT_SYNTAX, span(node), message);
     }
     let message = format!("there is no `{}` in the model", id.escape_debug());

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use pe_flow::failure::Failure;
@@ -62,21 +63,22 @@ pub fn run(folder: &Path, only: &[String], quiet: bool) -> Result<Vec<Case>, Fai
         return Err(Failure::file("read", folder, "it holds no folder NAME with NAME-settings.txt"));
     }
     let all = folders.len();
-    let told = Mutex::new((Teller::new("import", quiet), 0));
+    let told = Mutex::new(Teller::new("import", quiet));
+    let done = AtomicUsize::new(0);
     let run = |path: &PathBuf| {
-        {
-            let (teller, done) = &*told.lock().unwrap_or_else(PoisonError::into_inner);
-            teller.begin(&format!("{done} of {all} cases, {} at work", name_of(path)));
+        let ended = done.load(Ordering::Relaxed);
+        if ended > 0 {
+            let mut teller = told.lock().unwrap_or_else(PoisonError::into_inner);
+            let left = teller.elapsed() * (all - ended) as f64 / ended as f64;
+            let counted = format!("{ended} of {all} cases");
+            teller.hear(&format!("{counted}, {} at work", name_of(path)), &counted, left);
         }
         let case = case(path);
-        let (teller, done) = &mut *told.lock().unwrap_or_else(PoisonError::into_inner);
-        *done += 1;
-        let left = teller.elapsed() * (all - *done) as f64 / *done as f64;
-        teller.hear(&format!("{done} of {all} cases"), &format!("{done} of {all} cases"), left);
+        done.fetch_add(1, Ordering::Relaxed);
         case
     };
     let cases = folders.par_iter().map(run).collect();
-    told.lock().unwrap_or_else(PoisonError::into_inner).0.finish();
+    told.lock().unwrap_or_else(PoisonError::into_inner).finish();
     Ok(cases)
 }
 

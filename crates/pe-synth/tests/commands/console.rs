@@ -5,6 +5,8 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use crate::support::bench::Folder;
+
 fn model(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models").join(name).join(format!("{name}.spec"))
 }
@@ -20,9 +22,8 @@ fn stderr(output: &Output) -> String {
 #[test]
 fn a_full_disk_behind_standard_output_is_a_failure_and_a_closed_pipe_is_none() {
     let spec = model("van_der_pol").into_os_string().into_string().unwrap();
-    let home = Path::new(env!("CARGO_TARGET_TMPDIR")).join("console");
-    let _ = fs::remove_dir_all(&home);
-    fs::create_dir_all(&home).unwrap();
+    let folder = Folder::new("console");
+    let home = &folder.0;
     let design = home.join("design").into_os_string().into_string().unwrap();
     let golden = model("van_der_pol").with_file_name("golden").into_os_string().into_string().unwrap();
     let (sweep, studied) = (home.join("sweep").display().to_string(), home.join("study").display().to_string());
@@ -60,12 +61,12 @@ fn a_full_disk_behind_standard_output_is_a_failure_and_a_closed_pipe_is_none() {
 #[test]
 fn a_file_is_written_whole_through_links_and_into_devices_and_pipes() {
     let spec = model("van_der_pol").into_os_string().into_string().unwrap();
-    let home = Path::new(env!("CARGO_TARGET_TMPDIR")).join("console_files");
-    let _ = fs::remove_dir_all(&home);
-    fs::create_dir_all(home.join("inner")).unwrap();
+    let folder = Folder::new("console_files");
+    let home = &folder.0;
+    folder.sub("inner");
     let sim = |to: &str| {
         let words = ["sim", &spec, "--double", "--span", "20ms", "-o", to];
-        pe_synth().current_dir(&home).args(words).output().unwrap()
+        pe_synth().current_dir(home).args(words).output().unwrap()
     };
     assert!(sim("inner/trace.csv").status.success());
     let trace = fs::read(home.join("inner/trace.csv")).unwrap();
@@ -82,6 +83,15 @@ fn a_file_is_written_whole_through_links_and_into_devices_and_pipes() {
     assert_eq!(fs::read(home.join("inner/old.csv")).unwrap(), trace);
     assert_eq!(fs::metadata(home.join("inner/old.csv")).unwrap().permissions().mode() & 0o777, 0o640);
 
+    // A link to what is not there yet makes it, and a name as long as names can be is one.
+    std::os::unix::fs::symlink("inner/new.csv", home.join("early.csv")).unwrap();
+    assert!(sim("early.csv").status.success());
+    assert!(fs::symlink_metadata(home.join("early.csv")).unwrap().is_symlink());
+    assert_eq!(fs::read(home.join("inner/new.csv")).unwrap(), trace);
+    let long = format!("{}.csv", "x".repeat(251));
+    assert!(sim(&long).status.success());
+    assert_eq!(fs::read(home.join(&long)).unwrap(), trace);
+
     // What is no file is written to, and is there afterwards.
     assert_eq!(sim("/dev/stdout").stdout, trace);
     assert!(sim("/dev/null").status.success());
@@ -97,27 +107,24 @@ fn a_file_is_written_whole_through_links_and_into_devices_and_pipes() {
         names.sort();
         names
     };
-    assert_eq!(names(&home), ["inner", "link.csv"]);
-    assert_eq!(names(&home.join("inner")), ["old.csv", "trace.csv"]);
+    assert_eq!(names(home), ["early.csv", "inner", "link.csv", &long]);
+    assert_eq!(names(&home.join("inner")), ["new.csv", "old.csv", "trace.csv"]);
 }
 
 #[test]
 fn a_file_that_a_full_disk_cannot_take_stays_as_it_was() {
     let spec = model("van_der_pol").into_os_string().into_string().unwrap();
-    let home = Path::new(env!("CARGO_TARGET_TMPDIR")).join("console_full");
-    let _ = fs::remove_dir_all(&home);
-    fs::create_dir_all(&home).unwrap();
+    let folder = Folder::new("console_full");
+    let home = &folder.0;
     let trace = home.join("trace.csv");
     fs::write(&trace, "old").unwrap();
     // A limit on the size of files ends a write like a full disk, but with a signal unless that is ignored.
-    let limited = format!(
-        "trap '' XFSZ; ulimit -f 1; exec {} sim {spec} --double --span 2s -o {}",
-        env!("CARGO_BIN_EXE_pe-synth"),
-        trace.display()
-    );
-    let output = Command::new("bash").args(["-c", &limited]).output().unwrap();
+    let limited = "trap '' XFSZ; ulimit -f 1; exec \"$@\"";
+    let mut sim = Command::new("bash");
+    sim.args(["-c", limited, "bash", env!("CARGO_BIN_EXE_pe-synth"), "sim", &spec, "--double", "--span", "2s", "-o"]);
+    let output = sim.arg(&trace).output().unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
     assert!(stderr(&output).contains("trace.csv"), "{}", stderr(&output));
     assert_eq!(fs::read(&trace).unwrap(), b"old");
-    assert_eq!(fs::read_dir(&home).unwrap().count(), 1);
+    assert_eq!(fs::read_dir(home).unwrap().count(), 1);
 }

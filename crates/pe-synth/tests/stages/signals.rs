@@ -360,10 +360,10 @@ fn verify_finds_the_same_words_from_all_its_starts() {
         ("square", "rk4", SHORT, linear("u = square(1, 5 Hz)*(1 - 0.3*x) + samples(\"s.csv\", \"p\", hold)")),
         ("blocks", "rkc5", SHORT, SAMPLED.replace("sine(1, 2 Hz)", "square(1, 2 Hz)")),
     ];
-    for (name, solver, step, statements) in &kept(cases, 1).collect::<Vec<_>>() {
+    for (name, solver, step, statements) in kept(cases, 1) {
         // A program to build takes longer than all else.
-        let engines = if ["list", "square"].contains(name) { "reference,ghdl" } else { "ghdl" };
-        assert_verified(&folder, (name, solver, step, statements), engines);
+        let engines = if ["list", "square"].contains(&name) { "reference,ghdl" } else { "ghdl" };
+        assert_verified(&folder, (name, solver, step, &statements), engines);
     }
 }
 
