@@ -73,7 +73,7 @@ impl Residuals {
         let mut run = DoubleRun::new(graph);
         let double = gauge.followed(|step| {
             run.step(&model.sample_inputs(model.time(step, 0.0))).ok()?;
-            Some(run.states()[..states].to_vec())
+            Some(run.states().take(states).collect())
         });
         let mut run = FixedRun::new(graph, fixed);
         let fixed = gauge.followed(|step| {
@@ -256,7 +256,7 @@ mod tests {
         let mut run = DoubleRun::new(&graph);
         gauge.followed(|_| {
             run.step(&[]).expect("it is finite");
-            Some(run.states()[..read.states.len()].to_vec())
+            Some(run.states().take(read.states.len()).collect())
         })
     }
 

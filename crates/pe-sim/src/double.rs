@@ -7,6 +7,7 @@ use pe_ir::index::{self, StateId, at};
 
 use crate::functions::FunctionRun;
 use crate::lanes::{self, DoubleSums, Gathered};
+use crate::rows::Kept;
 use crate::slots::Slots;
 use crate::tape::{Group, Part, Tape};
 use crate::tiles::{LANES, Lookups, Place, Shared, Tile, Tiles};
@@ -30,10 +31,14 @@ pub struct DoubleRun<'a> {
     tape: Tape<f64>,
     /// Current numbers, a slot per value and a zero.
     values: Vec<f64>,
+    /// Those of long rows of the past.
+    past: Kept<f64>,
     largest: Vec<f64>,
     functions: FunctionRun,
     /// Where the states are among the values.
     states: Range<usize>,
+    /// What no chain writes, but for rows of the past.
+    given: Vec<Range<usize>>,
     /// What tiles of many lanes need; it is away while they run.
     room: Option<Box<Room>>,
 }
@@ -68,10 +73,11 @@ impl<'a> DoubleRun<'a> {
     }
 
     fn with_coefficients(graph: &'a StepGraph, coefficient: impl Fn(usize) -> f64) -> Self {
-        let slots = Slots::new(graph);
+        let is_one = |term: u32| coefficient(at(term)) == 1.0;
+        let slots = Slots::new(graph, |_| 0, |_, chain| is_one(chain.terms.start));
         let functions = FunctionRun::new(graph, slots.count());
         let class = |_, chain: &Chain| FunctionRun::class(chain);
-        let tiles = slots.arrange(graph, class, coefficient, |_, _, write| write.weight);
+        let tiles = slots.arrange(graph, class, &coefficient, |_, _, write| write.weight);
         let tape = Tape::new(tiles);
         let mut values = vec![0.0; slots.count()];
         for (slot, number) in constants(graph, &slots) {
@@ -79,6 +85,7 @@ impl<'a> DoubleRun<'a> {
         }
         let largest = vec![0.0; values.len()];
         let states = slots.states(graph);
+        let (past, given) = (slots.rows().kept(0.0), slots.rows().others(slots.given));
         let room = Room {
             gathered: Gathered::new(),
             sums: DoubleSums([0.0; LANES]),
@@ -86,7 +93,7 @@ impl<'a> DoubleRun<'a> {
             results: [0.0; LANES],
         };
         let room = Some(Box::new(room));
-        let mut run = DoubleRun { graph, slots, tape, largest, values, functions, states, room };
+        let mut run = DoubleRun { graph, slots, tape, values, past, largest, functions, states, given, room };
         for (index, initial) in graph.initial.numbered() {
             run.set_state(index, *initial);
         }
@@ -97,6 +104,7 @@ impl<'a> DoubleRun<'a> {
     pub fn set_state(&mut self, index: StateId, number: f64) {
         let slot = at(self.slots.of(self.graph.states[index].0));
         self.values[slot] = number;
+        self.past.set(self.slots.rows(), slot, number);
         self.largest[slot] = self.largest[slot].max(number.abs());
     }
 
@@ -106,8 +114,8 @@ impl<'a> DoubleRun<'a> {
     }
 
     /// All states at the start of the next step, those of the model first.
-    pub fn states(&self) -> &[f64] {
-        &self.values[self.states.clone()]
+    pub fn states(&self) -> impl Iterator<Item = f64> {
+        self.states.clone().map(|slot| self.past.number(self.slots.rows(), slot, &self.values))
     }
 
     /// A value by its index: of the latest step, but for states, which are those of the next.
@@ -121,12 +129,14 @@ impl<'a> DoubleRun<'a> {
     }
 
     fn number(&self, value: ValueId) -> f64 {
-        self.values[at(self.slots.of(value))]
+        self.past.number(self.slots.rows(), at(self.slots.of(value)), &self.values)
     }
 
-    /// Largest magnitude of each value so far.
+    /// Largest magnitude of each value so far; of the past of a value at least that of the value.
     pub fn largest(&self) -> Vec<f64> {
-        self.slots.in_graph_order(&self.largest)
+        let mut largest = self.largest.clone();
+        self.slots.rows().spread(&mut largest);
+        self.slots.in_graph_order(&largest)
     }
 
     /// By value, smallest and largest argument so far of the exact function that computes it; an empty range if none does.
@@ -158,8 +168,10 @@ impl<'a> DoubleRun<'a> {
         for (value, number) in self.graph.inputs.iter().zip(inputs) {
             self.values[at(self.slots.of(*value))] = *number;
         }
-        let given = 0..self.slots.given;
-        let mut finite = note_largest(&mut self.largest[given.clone()], &self.values[given]);
+        let mut finite = true;
+        for given in &self.given {
+            finite &= note_largest(&mut self.largest[given.clone()], &self.values[given.clone()]);
+        }
         finite &= run_tape(self);
         if !finite {
             let written = self.graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);
@@ -169,7 +181,7 @@ impl<'a> DoubleRun<'a> {
             let outside = self.functions.outside.filter(|(slot, ..)| *slot == self.slots.of(value));
             return Err(Diverged { value, outside: outside.map(|(_, function, argument)| (function, argument)) });
         }
-        self.slots.take_over(&mut self.values);
+        self.slots.take_over(&mut self.values, &mut self.past);
         Ok(())
     }
 

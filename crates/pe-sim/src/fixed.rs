@@ -1,10 +1,11 @@
 //! The step graph in fixed point: bit for bit what the hardware computes, without its timing.
 
-use pe_ir::graph::{FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index::{List, StateId, at};
+use pe_ir::graph::{Chain, FixedPoint, Role, StepGraph, ValueId};
+use pe_ir::index::{ChainId, List, StateId, at};
 use pe_ir::pasts::Pasts;
 use pe_ir::word::WordFormat;
 
+use crate::rows::Kept;
 use crate::slots::Slots;
 use crate::tape::Tape;
 use crate::words::{self, Port, Words};
@@ -15,6 +16,8 @@ pub struct FixedRun<'a> {
     fixed: &'a FixedPoint,
     slots: Slots,
     state: Ports,
+    /// Words of long rows of the past.
+    past: Kept<i64>,
     /// Of each state the word that stands for zero, and what a unit stands for; their words come first.
     units: Vec<(i64, f64)>,
     /// The same of each output, with its slot.
@@ -49,7 +52,13 @@ impl<'a> FixedRun<'a> {
     /// range, and all is rounded at the same LSB. Arguments of tables still choose among the segments that there are.
     pub(crate) fn with_room(graph: &'a StepGraph, fixed: &'a FixedPoint, room: u32) -> Self {
         let kind = |value: ValueId| 2 * fixed.exponents[value.index()] + i32::from(graph.value(value).factor);
-        let slots = Slots::with_columns(graph, kind);
+        let copies = |index: ChainId, chain: &Chain| {
+            let (from, to) = (graph.chain_terms(chain)[0].operand, chain.write.value);
+            let alike = fixed.exponents[from.index()] == fixed.exponents[to.index()];
+            let is_one = fixed.coefficient_value(graph, index, at(chain.terms.start)) == 1.0;
+            alike && is_one && !graph.value(to).factor && !graph.value(from).factor
+        };
+        let slots = Slots::new(graph, kind, copies);
         let state = if fixed.format.data_bits.max(fixed.format.coefficient_bits) + room <= 32 {
             let (words, tape) = prepare(graph, fixed, &slots, room);
             Ports::Short(words, tape)
@@ -66,7 +75,8 @@ impl<'a> FixedRun<'a> {
         let outputs = graph.outputs.iter().map(output).collect();
         let pasts = Pasts::of(graph);
         let rings = graph.states.ids().map(|state| pasts.find(state).is_some()).collect();
-        let mut run = FixedRun { graph, fixed, slots, state, units, outputs, rings };
+        let past = slots.rows().kept(0);
+        let mut run = FixedRun { graph, fixed, slots, state, past, units, outputs, rings };
         for (index, initial) in graph.initial.numbered() {
             let id = graph.states[index].0;
             let saturated = run.take_state(index, *initial);
@@ -79,6 +89,7 @@ impl<'a> FixedRun<'a> {
     fn set(&mut self, id: ValueId, word: i64) {
         let slot = at(self.slots.of(id));
         on_words!(&mut self.state, words => words.set(slot, word));
+        self.past.set(self.slots.rows(), slot, word);
     }
 
     /// Puts a number in the place of a state's.
@@ -111,7 +122,8 @@ impl<'a> FixedRun<'a> {
     /// The numbers that all states stand for at the start of the next step, those of the model first.
     pub fn states(&self) -> impl Iterator<Item = f64> {
         let words = on_words!(&self.state, words => &words.words);
-        words.iter().zip(&self.units).map(|(word, (zero, unit))| (word - zero) as f64 * unit)
+        let word = |slot: usize| self.past.number(self.slots.rows(), slot, words);
+        self.units.iter().enumerate().map(move |(slot, (zero, unit))| (word(slot) - zero) as f64 * unit)
     }
 
     /// The number a published output stands for.
@@ -123,8 +135,8 @@ impl<'a> FixedRun<'a> {
 
     /// Stored word of a value.
     pub fn word(&self, id: ValueId) -> i64 {
-        let slot = at(self.slots.of(id));
-        on_words!(&self.state, words => words.words[slot])
+        let words = on_words!(&self.state, words => &words.words);
+        self.past.number(self.slots.rows(), at(self.slots.of(id)), words)
     }
 
     /// How often each value saturated so far.
@@ -142,9 +154,10 @@ impl<'a> FixedRun<'a> {
         }
     }
 
-    /// Numbers of all values, in the order of the graph, from those of all slots.
-    pub(crate) fn in_graph_order(&self, numbers: &[i64]) -> Vec<i64> {
-        self.slots.in_graph_order(numbers)
+    /// The largest words of all values, in the order of the graph, from those of all slots.
+    pub(crate) fn largest_in_graph_order(&self, mut peaks: Vec<i64>) -> Vec<i64> {
+        self.slots.rows().spread(&mut peaks);
+        self.slots.in_graph_order(&peaks)
     }
 
     /// The number that a value stands for: of the latest step, but for states, which are those of the next.
@@ -160,8 +173,8 @@ impl<'a> FixedRun<'a> {
             self.set(*value, format.input_operand(*word) << format.data_drop());
         }
         match &mut self.state {
-            Ports::Short(words, tape) => step(words, tape, &self.slots),
-            Ports::Long(words, tape) => step(words, tape, &self.slots),
+            Ports::Short(words, tape) => step(words, tape, &format, (&self.slots, &mut self.past)),
+            Ports::Long(words, tape) => step(words, tape, &format, (&self.slots, &mut self.past)),
         }
     }
 }
@@ -189,10 +202,17 @@ fn prepare<P: Port>(graph: &StepGraph, fixed: &FixedPoint, slots: &Slots, room: 
     (words, Tape::new(tiles))
 }
 
-fn step<P: Port>(words: &mut Words<P>, tape: &Tape<P>, slots: &Slots) -> bool {
+fn step<P: Port>(
+    words: &mut Words<P>,
+    tape: &Tape<P>,
+    format: &WordFormat,
+    (slots, past): (&Slots, &mut Kept<i64>),
+) -> bool {
     let saturated = words.run(tape, &[], &mut []);
-    slots.take_over(&mut words.words);
-    slots.take_over(&mut words.data);
+    past.advance(slots.rows(), &words.words, |word| format.operand_word(format.data_operand(word)));
+    slots.copy(&mut words.words);
+    slots.copy(&mut words.data);
+    past.show(slots.rows(), |slot, word| words.set(slot, word));
     saturated
 }
 

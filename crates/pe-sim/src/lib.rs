@@ -27,6 +27,7 @@ mod record;
 pub mod reference;
 pub mod roomy;
 pub mod rounded;
+mod rows;
 mod slots;
 pub mod spectrum;
 mod tape;

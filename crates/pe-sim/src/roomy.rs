@@ -42,7 +42,7 @@ impl<'a> RoomyRun<'a> {
     /// Values that left their range so far, with the largest magnitude of each.
     pub fn beyond(&self) -> Vec<(ValueId, f64)> {
         let end = self.fixed.format.max_word();
-        let peaks = self.run.in_graph_order(&self.peaks);
+        let peaks = self.run.largest_in_graph_order(self.peaks.clone());
         let beyond = peaks.iter().enumerate().filter(|(_, peak)| **peak > end);
         beyond
             .map(|(value, peak)| (ValueId::at(value), libm::scalbn(*peak as f64, self.fixed.exponents[value])))

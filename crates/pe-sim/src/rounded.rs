@@ -3,11 +3,12 @@
 
 use std::ops::Range;
 
-use pe_ir::graph::{Factor, FixedPoint, StepGraph};
+use pe_ir::graph::{Chain, Factor, FixedPoint, StepGraph};
 use pe_ir::index::at;
 
 use crate::double::{constants, power_of_two};
 use crate::functions::FunctionRun;
+use crate::rows::Kept;
 use crate::slots::Slots;
 use crate::tape::{Group, Part, Tape};
 use crate::tiles::{Lookups, Tiles};
@@ -20,6 +21,8 @@ pub struct RoundedRuns<'a, const N: usize> {
     tape: Tape<[f64; N]>,
     /// Current numbers, a slot per value and a zero.
     values: Vec<[f64; N]>,
+    /// Those of long rows of the past.
+    past: Kept<[f64; N]>,
     functions: FunctionRun,
     /// Where the states are among the values.
     states: Range<usize>,
@@ -36,7 +39,8 @@ impl<'a, const N: usize> RoundedRuns<'a, N> {
                 coefficients[at(term)] = roundings.map(|fixed| fixed.coefficient_value(graph, index, at(term)));
             }
         }
-        let slots = Slots::new(graph);
+        let are_one = |_, chain: &Chain| coefficients[at(chain.terms.start)] == [1.0; N];
+        let slots = Slots::new(graph, |_| 0, are_one);
         let functions = FunctionRun::new(graph, slots.count());
         let class = |_, chain: &_| FunctionRun::class(chain);
         let tiles = slots.arrange(graph, class, |term| coefficients[term], |_, _, write| write.weight);
@@ -44,16 +48,19 @@ impl<'a, const N: usize> RoundedRuns<'a, N> {
         for (slot, number) in constants(graph, &slots) {
             values[at(slot)] = [number; N];
         }
+        let mut past = slots.rows().kept([0.0; N]);
         for (index, initial) in graph.initial.numbered() {
-            values[at(slots.of(graph.states[index].0))] = [*initial; N];
+            let slot = at(slots.of(graph.states[index].0));
+            values[slot] = [*initial; N];
+            past.set(slots.rows(), slot, values[slot]);
         }
         let states = slots.states(graph);
-        RoundedRuns { graph, slots, tape: Tape::of_chains(tiles), values, functions, states }
+        RoundedRuns { graph, slots, tape: Tape::of_chains(tiles), values, past, functions, states }
     }
 
     /// States of a run at the start of the next step, those of the model first.
     pub fn states(&self, run: usize) -> impl Iterator<Item = f64> {
-        self.values[self.states.clone()].iter().map(move |state| state[run])
+        self.states.clone().map(move |slot| self.past.number(self.slots.rows(), slot, &self.values)[run])
     }
 
     /// Advances by one step with the inputs held; whether all values are finite.
@@ -62,7 +69,7 @@ impl<'a, const N: usize> RoundedRuns<'a, N> {
             self.values[at(self.slots.of(*value))] = [*number; N];
         }
         let finite = run_tape(&self.tape, &mut self.values, &mut self.functions);
-        self.slots.take_over(&mut self.values);
+        self.slots.take_over(&mut self.values, &mut self.past);
         finite
     }
 }

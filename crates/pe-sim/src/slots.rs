@@ -7,6 +7,7 @@ use pe_ir::graph::{Chain, Role, StepGraph, ValueId, Write};
 use pe_ir::index::{self, ChainId, StateId, at};
 use pe_ir::pasts::{Past, Pasts};
 
+use crate::rows::{Kept, Rows};
 use crate::tiles::{self, Outcome};
 
 /// A slot for each value, one behind them that stands for a missing base, then one for the segment of each lookup and
@@ -28,18 +29,23 @@ pub(crate) struct Slots {
     pub given: usize,
     /// States taken over at the end of a step, as rows: from, to, length.
     copies: Vec<(u32, u32, u32)>,
+    /// States that are in long rows of the past.
+    rows: Rows,
 }
 
 impl Slots {
     /// Puts values of one kind in a row, in the order of what they belong to: equations that differ only in their
-    /// indices then read rows as well.
-    pub fn new(graph: &StepGraph) -> Slots {
-        Slots::with_columns(graph, |_| 0)
-    }
-
-    /// The same, where values of a column that differ in `kind` have entries of their own.
-    pub fn with_columns(graph: &StepGraph, column_kind: impl Fn(ValueId) -> i32) -> Slots {
-        Slots::in_rows(graph, column_kind, (1, 0, |_, row| (row, false)))
+    /// indices then read rows as well. Values of a column that differ in `kind` have entries of their own; `copies` says
+    /// whether a chain gives its only operand as it is, or as it is moved.
+    pub fn new(
+        graph: &StepGraph,
+        kind: impl Fn(ValueId) -> i32,
+        copies: impl Fn(ChainId, &Chain) -> bool,
+    ) -> Slots {
+        let mut slots = Slots::in_rows(graph, kind, (1, 0, |_, row| (row, false)));
+        slots.rows = Rows::of(graph, |value| slots.of(value), copies);
+        slots.copies = slots.copied(graph);
+        slots
     }
 
     /// The same, where `row` may change the row of a value and its place in there, and says whether places are exact:
@@ -83,6 +89,7 @@ impl Slots {
             entries: 0,
             given,
             copies: Vec::new(),
+            rows: Rows::default(),
         };
         let mut known: BTreeMap<(u32, u8, i32), u32> = BTreeMap::new();
         for (index, value) in (0..).zip(&graph.values) {
@@ -97,30 +104,38 @@ impl Slots {
                 slots.column_of.insert(index, number);
             }
         }
+        slots.copies = slots.copied(graph);
+        slots
+    }
+
+    /// What is to be moved at the end of a step, but for rows of the past.
+    fn copied(&self, graph: &StepGraph) -> Vec<(u32, u32, u32)> {
+        let mut copies: Vec<(u32, u32, u32)> = Vec::new();
         // A word of a ring leaves before the one that comes after it arrives.
         let pasts = Pasts::of(graph);
-        let mut members: Vec<(StateId, Past)> = pasts.members().filter(|(_, past)| past.age > 1).collect();
+        let follows = |(state, past): &(StateId, Past)| past.age > 1 && !self.rows.have(*state);
+        let mut members: Vec<(StateId, Past)> = pasts.members().filter(follows).collect();
         members.sort_unstable_by_key(|(state, past)| (past.head, Reverse(past.age), *state));
         for (state, next) in members.iter().map(|(state, _)| graph.states[*state]) {
-            let (from, to) = (slots.of(next), slots.of(state));
-            match slots.copies.last_mut() {
+            let (from, to) = (self.of(next), self.of(state));
+            match copies.last_mut() {
                 Some((start, target, length)) if from + 1 == *start && to + 1 == *target => {
                     (*start, *target, *length) = (from, to, *length + 1);
                 }
-                _ => slots.copies.push((from, to, 1)),
+                _ => copies.push((from, to, 1)),
             }
         }
-        for (state, next) in &graph.states {
-            if matches!(graph.value(*next).role, Role::State(_)) {
+        for (index, (state, next)) in graph.states.numbered() {
+            if matches!(graph.value(*next).role, Role::State(_)) || self.rows.have(index) {
                 continue;
             }
-            let (from, to) = (slots.of(*next), slots.of(*state));
-            match slots.copies.last_mut() {
+            let (from, to) = (self.of(*next), self.of(*state));
+            match copies.last_mut() {
                 Some((start, target, length)) if from == *start + *length && to == *target + *length => *length += 1,
-                _ => slots.copies.push((from, to, 1)),
+                _ => copies.push((from, to, 1)),
             }
         }
-        slots
+        copies
     }
 
     /// All values with what is their row unless it is changed.
@@ -148,7 +163,7 @@ impl Slots {
         self.zero
     }
 
-    /// What [`Slots::take_over`] moves: from, to, length.
+    /// What [`Slots::copy`] moves: from, to, length.
     pub fn copies(&self) -> &[(u32, u32, u32)] {
         &self.copies
     }
@@ -180,9 +195,22 @@ impl Slots {
         self.of.iter().map(|slot| numbers[at(*slot)]).collect()
     }
 
+    /// The rows of the past.
+    pub fn rows(&self) -> &Rows {
+        &self.rows
+    }
+
     /// The states of the next step take the place of those of this one.
     #[inline(always)]
-    pub fn take_over<T: Copy>(&self, values: &mut [T]) {
+    pub fn take_over<T: Copy>(&self, values: &mut [T], past: &mut Kept<T>) {
+        past.advance(&self.rows, values, |number| number);
+        self.copy(values);
+        past.show(&self.rows, |slot, number| values[slot] = number);
+    }
+
+    /// What of that is no row of the past.
+    #[inline(always)]
+    pub fn copy<T: Copy>(&self, values: &mut [T]) {
         for (from, to, length) in &self.copies {
             // Short rows are shorter than a call; those of rings overlap.
             if *length < 16 && from.abs_diff(*to) >= *length {
@@ -220,7 +248,7 @@ impl Slots {
         let mut chains = Vec::with_capacity(graph.chains.len());
         let mut looked_up = vec![false; at(self.lookups)];
         let mut chosen: BTreeSet<ValueId> = BTreeSet::new();
-        for (index, chain) in graph.chains.numbered() {
+        for (index, chain) in graph.chains.numbered().filter(|(index, _)| !self.rows.stand_for(*index)) {
             for base in chain.writes().filter_map(|write| write.base) {
                 let Role::Column(lookup, _) = graph.value(base).role else { continue };
                 let mut look_up = |outcome| {

@@ -407,7 +407,7 @@ fn sampled(model: &Model, times: &[f64]) -> Option<Trajectory> {
             run.step(&model.sample_inputs(model.time(step, 0.0))).ok()?;
             step += 1;
         }
-        samples.push(|state| run.states()[state]);
+        samples.push(|state| run.state(StateId::at(state)));
     }
     Some(samples)
 }

@@ -109,7 +109,7 @@ fn first(model: &Model, mechanism: &Mechanism) -> Option<Contradiction> {
         if done % stride != 0 && done != steps {
             continue;
         }
-        let mut states = run.states()[..model.states.len()].to_vec();
+        let mut states: Vec<f64> = run.states().take(model.states.len()).collect();
         mechanism.pairs.iter().for_each(|pair| states[pair.0.index()] = closed[pair.0.index()]);
         let time = model.time(done, 0.0);
         match search.anywhere(&states, time) {

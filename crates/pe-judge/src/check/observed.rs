@@ -203,7 +203,7 @@ fn reached(model: &Model, graph: &StepGraph, time: f64) -> Option<Around> {
         .iter_mut()
         .filter(|scale| **scale == 0.0)
         .for_each(|scale| *scale = if most > 0.0 { 1e-6 * most } else { 1.0 });
-    Some(Around { time: model.time(step, 0.0), states: run.states().to_vec(), scales })
+    Some(Around { time: model.time(step, 0.0), states: run.states().collect(), scales })
 }
 
 fn magnitudes(model: &Model, run: DoubleRun, affine: bool, around: &Around) -> Option<Vec<f64>> {

@@ -120,7 +120,7 @@ impl Course {
                 }
                 // So small that it stays a difference, and larger than rounding.
                 let part = SIZE / size.max(f64::MIN_POSITIVE);
-                for state in (0..base.states().len()).map(StateId::at) {
+                for state in (0..base.states().count()).map(StateId::at) {
                     let own = base.state(state);
                     run.set_state(state, own + part * model.difference(state, run.state(state), own));
                 }
@@ -339,7 +339,7 @@ mod tests {
             run.step(&[]).ok()?;
             beside.step(&[]).ok()?;
             beside.step(&[]).ok()?;
-            let numbers = run.states().iter().zip(beside.states()).take(model.states.len());
+            let numbers = run.states().zip(beside.states()).take(model.states.len());
             away = numbers.map(|(one, other)| (one - other).abs()).fold(away, f64::max);
         }
         let firm = super::firm(model, &graph, &scales)?;

@@ -224,7 +224,7 @@ fn reference_run(
         let time = model.time(done - 1, 0.0);
         run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
         plan.advance(done, 1);
-        let row = || run.states()[..states].iter().copied().chain((0..outputs).map(|output| run.output(output)));
+        let row = || run.states().take(states).chain((0..outputs).map(|output| run.output(output)));
         keeping.add(done, row);
         let sampled = samples.next_if_eq(&&done).is_some();
         if sampled {
@@ -238,8 +238,11 @@ fn reference_run(
             looks.push(|state| run.state(StateId::at(state)));
         }
         let before = reference.len() + looks.len();
-        if (sampled || looked) && !goes_on(before - 1, &run.states()[..model.states.len()]) {
-            return Ok(None);
+        if sampled || looked {
+            let states: Vec<f64> = run.states().take(states).collect();
+            if !goes_on(before - 1, &states) {
+                return Ok(None);
+            }
         }
     }
     let largest = run.largest();

@@ -240,7 +240,7 @@ impl<'a> Pass<'a> {
                 run.step(&seen).map_err(|_| not_finite(feed.time(plan, step, substep)))?;
             }
             plan.advance(step + 1, feed.substeps);
-            let states = run.states()[..states].iter().copied();
+            let states = run.states().take(states);
             rows.add(states.chain((0..*outputs).map(|output| run.output(output))));
         }
         Ok(rows)

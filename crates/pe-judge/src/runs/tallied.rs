@@ -64,7 +64,7 @@ impl Counted<'_> {
             let time = self.model.time(done - 1, 0.0);
             run.step(&self.model.sample_inputs(time)).map_err(|_| not_finite(time))?;
             recorder.jumped(done, jumping.jumped(|state| run.state(state), |value| run.value(value.index())));
-            recorder.ended(run.states()[..states].iter().copied());
+            recorder.ended(run.states().take(states));
         }
         Ok(recorder.record(self.families))
     }
@@ -78,7 +78,7 @@ impl Counted<'_> {
                 run.step(&inputs).map_err(|_| not_finite(self.model.time(done - 1, 0.0)))?;
                 recorder.jumped(done, jumping.jumped(|state| run.state(state), |value| run.value(value.index())));
             }
-            recorder.ended(run.states()[..states].iter().copied());
+            recorder.ended(run.states().take(states));
         }
         Ok(recorder.record(self.families))
     }

@@ -331,7 +331,7 @@ fn states(text: &str) -> Vec<Vec<f64>> {
     let mut states = Vec::new();
     for step in 0..model.steps() {
         run.step(&model.sample_inputs(model.time(step, 0.0))).expect("it is finite");
-        states.push(run.states()[..model.states.len()].to_vec());
+        states.push(run.states().take(model.states.len()).collect());
     }
     states
 }

@@ -14,6 +14,7 @@ use pe_flow::settings::{MappingOptions, Settings};
 use pe_flow::spec::{self, LoadedModel};
 use pe_flow::watch::Stopwatch;
 use pe_hls::rings::Choice;
+use pe_ir::graph::{Factor, Role, StepGraph, Term, ValueId};
 use pe_ir::index::StateId;
 use pe_ir::model::Solver;
 use pe_ir::pasts::Pasts;
@@ -22,6 +23,7 @@ use pe_ir::verify;
 use pe_ir::word::Pipeline;
 use pe_judge::{Criteria, DesignPoint};
 use pe_sim::clocked::Clocked;
+use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
 use pe_sim::machine::{self, Machine};
 
@@ -161,6 +163,7 @@ fn compared(rounds: std::ops::Range<usize>, longest: u32) -> BTreeMap<&'static s
         let point = DesignPoint { pes: Some(pes), pipeline, ..DesignPoint::default() };
         let rows = design(&loaded, &point, Choice::Chains);
         assert!(!has_rings(&rows));
+        assert_words(&format!("round {round}, chains\n{text}"), &rows, &rows, &loaded, (0, 40));
         for choice in [Choice::Rings, Choice::Copies, Choice::ByCost] {
             let label = format!("{} round {round}, {choice:?} on {pes} PEs\n{text}", solver.name());
             let rings = design(&loaded, &point, choice);
@@ -190,6 +193,78 @@ fn rings_compute_what_rows_compute_with_all_methods() {
 #[test]
 fn long_rings_compute_what_rows_compute() {
     assert!(!compared(39..45, 300).is_empty());
+}
+
+/// A step in double precision, value by value, as the graph says it.
+fn by_hand(graph: &StepGraph, values: &mut [f64], inputs: &[f64]) {
+    graph.inputs.iter().zip(inputs).for_each(|(input, number)| values[input.index()] = *number);
+    for chain in &graph.chains {
+        let mut sum = 0.0;
+        let coefficients = |term: &&Term| matches!(term.factor, Factor::Coefficient(_));
+        let (constant, products): (Vec<&Term>, Vec<&Term>) = graph.chain_terms(chain).iter().partition(coefficients);
+        for term in constant.into_iter().chain(products) {
+            sum += values[term.operand.index()]
+                * match term.factor {
+                    Factor::Coefficient(coefficient) => coefficient,
+                    Factor::Value(value) => values[value.index()],
+                };
+        }
+        for write in chain.writes() {
+            let base = write.base.map_or(0.0, |base| values[base.index()]);
+            let result = base + libm::scalbn(1.0, write.weight) * sum;
+            let function = chain.function.map(|function| &graph.functions.exact[function as usize]);
+            values[write.value.index()] = function.map_or(result, |function| function.evaluate(result));
+        }
+    }
+    let next: Vec<f64> = graph.states.iter().map(|(_, end)| values[end.index()]).collect();
+    graph.states.iter().zip(next).for_each(|((start, _), number)| values[start.index()] = number);
+}
+
+/// Runs do not move long rows of the past, and nothing that they tell may show it, even as states are put elsewhere.
+#[test]
+fn runs_in_double_precision_have_the_past_that_the_graph_states() {
+    let mut seed = 77;
+    for round in 0..2 * SOLVERS.len() {
+        let solver = SOLVERS[round % SOLVERS.len()];
+        let text = generated(solver, 70, &mut seed);
+        let model = loaded(&text).model;
+        let graph = pe_hls::step::build(&model).unwrap_or_else(|findings| panic!("{findings:#?}\n{text}"));
+        let mut values = vec![0.0; graph.values.len()];
+        for (index, value) in graph.values.iter().enumerate() {
+            if let Role::Constant(number) = value.role {
+                values[index] = number;
+            }
+        }
+        graph.states.iter().zip(&graph.initial).for_each(|((start, _), number)| values[start.index()] = *number);
+        let (mut run, mut largest) = (DoubleRun::new(&graph), vec![0.0f64; values.len()]);
+        for step in 0..180 {
+            if step % 50 == 20 {
+                for state in graph.states.ids() {
+                    let number = next(&mut seed);
+                    if number > 0.2 {
+                        continue;
+                    }
+                    values[graph.states[state].0.index()] = number;
+                    run.set_state(state, number);
+                }
+            }
+            graph.states.iter().for_each(|(start, _)| {
+                let number = values[start.index()].abs();
+                largest[start.index()] = largest[start.index()].max(number);
+            });
+            let inputs = model.sample_inputs(model.time(step, 0.0));
+            by_hand(&graph, &mut values, &inputs);
+            run.step(&inputs).unwrap_or_else(|diverged| panic!("{diverged:?}\n{text}"));
+            for (index, number) in values.iter().enumerate() {
+                let name = graph.value_name(ValueId::at(index));
+                assert_eq!(run.value(index), *number, "{} round {round}, step {step}: {name}\n{text}", solver.name());
+            }
+            let states: Vec<f64> = graph.states.iter().map(|(start, _)| values[start.index()]).collect();
+            assert_eq!(run.states().collect::<Vec<f64>>(), states);
+        }
+        let told = run.largest();
+        assert!(largest.iter().zip(&told).all(|(largest, told)| largest <= told), "{text}");
+    }
 }
 
 /// A delay of a hundred steps in a model that no PE can hurry.

@@ -114,7 +114,7 @@ fn stepped(model: &Model, mut show: impl FnMut(f64, &[f64])) {
     let mut run = DoubleRun::new(&graph);
     for done in 1..=model.steps() {
         run.step(&model.sample_inputs(model.time(done - 1, 0.0))).expect("it is finite");
-        show(model.time(done, 0.0), run.states());
+        show(model.time(done, 0.0), &run.states().collect::<Vec<_>>());
     }
 }
 

@@ -32,7 +32,7 @@ pub fn rows(model: &Model) -> Vec<Vec<f64>> {
     let mut rows = vec![model.states.iter().map(|state| state.initial).collect::<Vec<f64>>()];
     for step in 0..model.steps() {
         run.step(&model.sample_inputs(model.time(step, 0.0))).expect("it is finite");
-        rows.push(run.states()[..model.states.len()].to_vec());
+        rows.push(run.states().take(model.states.len()).collect());
     }
     rows
 }
