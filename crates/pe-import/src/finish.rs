@@ -93,9 +93,7 @@ fn pasts(model: &mut Model, findings: &mut Vec<Diagnostic>) {
     }
     for event in &mut model.events {
         let span = event.span;
-        let conditions = [Some(&mut event.trigger), event.delay.as_mut(), event.priority.as_mut()];
-        let values = event.assignments.iter_mut().map(|(_, value)| value);
-        conditions.into_iter().flatten().chain(values).for_each(|expr| simpler(expr, span));
+        event.expressions_mut().for_each(|expr| simpler(expr, span));
     }
 }
 
@@ -193,17 +191,13 @@ fn missing(model: &Model, findings: &mut Vec<Diagnostic>) {
     for (_, quantity) in &model.outputs {
         needed.entry(*quantity).or_insert(model.quantities[*quantity].span);
     }
-    let event = |event: &crate::model::Event| {
-        let own = [Some(&event.trigger), event.delay.as_ref(), event.priority.as_ref()].into_iter().flatten();
-        own.chain(event.assignments.iter().map(|(_, value)| value)).flat_map(reads).collect::<Vec<_>>()
-    };
     for quantity in &model.quantities {
         for read in quantity.kind.expressions().into_iter().flat_map(reads) {
             needed.entry(read).or_insert(quantity.equation);
         }
     }
     for one in &model.events {
-        for read in event(one) {
+        for read in one.expressions().flat_map(reads) {
             needed.entry(read).or_insert(one.span);
         }
     }

@@ -3,6 +3,7 @@
 use pe_ir::source::Span;
 
 use crate::expr::{Callee, Expr};
+use crate::mathml;
 
 /// An imported model. Quantities, functions and groups are numbered as they stand in the lists.
 #[derive(Clone, Debug, Default)]
@@ -123,6 +124,18 @@ pub struct Event {
 const BENDS: [&str; 9] = ["abs", "sign", "min", "max", "floor", "ceil", "round", "mod", "quotient"];
 
 impl Event {
+    /// The expressions it is made of.
+    pub fn expressions(&self) -> impl Iterator<Item = &Expr> {
+        let values = self.assignments.iter().map(|(_, value)| value);
+        std::iter::once(&self.trigger).chain(&self.delay).chain(&self.priority).chain(values)
+    }
+
+    /// The same, to be changed.
+    pub fn expressions_mut(&mut self) -> impl Iterator<Item = &mut Expr> {
+        let values = self.assignments.iter_mut().map(|(_, value)| value);
+        std::iter::once(&mut self.trigger).chain(&mut self.delay).chain(&mut self.priority).chain(values)
+    }
+
     /// Whether it comes when something else than the time crosses a value.
     pub fn crosses(&self, model: &Model) -> bool {
         let mut found = false;
@@ -200,6 +213,30 @@ impl Model {
         TIMES.iter().find(|(known, _)| *known == unit).map(|(known, _)| *known)
     }
 
+    /// The value of an expression that is the same during the run, if it is simple.
+    pub fn known(&self, expr: &Expr) -> Option<f64> {
+        match expr {
+            Expr::Number(value, _) => Some(*value),
+            Expr::Name(read) => match &self.quantities[*read].kind {
+                Kind::Constant(value) => self.known(value),
+                _ => None,
+            },
+            Expr::Sum(members) => members.iter().try_fold(0.0, |sum, (negative, member)| {
+                let value = self.known(member)?;
+                Some(if *negative { sum - value } else { sum + value })
+            }),
+            Expr::Product(members) => members.iter().try_fold(1.0, |product, (inverse, member)| {
+                let value = self.known(member)?;
+                Some(if *inverse { product / value } else { product * value })
+            }),
+            Expr::Power(pair) => Some(libm::pow(self.known(&pair.0)?, self.known(&pair.1)?)),
+            Expr::Call(Callee::Own(function), arguments) => {
+                self.known(&mathml::inlined(&self.functions[*function].body, arguments))
+            }
+            _ => None,
+        }
+    }
+
     /// Takes in one more quantity; its number.
     pub fn add(&mut self, quantity: Quantity) -> usize {
         self.quantities.push(quantity);
@@ -215,12 +252,7 @@ impl Model {
     /// Puts one number of a quantity in the place of another in all expressions.
     pub fn rename(&mut self, from: usize, to: usize) {
         let own = self.quantities.iter_mut().flat_map(|quantity| quantity.kind.expressions_mut());
-        let of_events = self.events.iter_mut().flat_map(|event| {
-            let conditions = [Some(&mut event.trigger), event.delay.as_mut(), event.priority.as_mut()];
-            let values = event.assignments.iter_mut().map(|(_, value)| value);
-            conditions.into_iter().flatten().chain(values).collect::<Vec<_>>()
-        });
-        for expr in own.chain(of_events) {
+        for expr in own.chain(self.events.iter_mut().flat_map(Event::expressions_mut)) {
             *expr = expr.map(&mut |leaf| (*leaf == Expr::Name(from)).then_some(Expr::Name(to)));
         }
     }

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::expr::{Callee, Expr};
-use crate::model::{Kind, Model, Quantity};
+use crate::model::{Event, Kind, Model, Quantity};
 use crate::names::{Names, element};
 use crate::number::shown;
 use crate::rolled::{marked, plain, rules_of, sum_of};
@@ -107,16 +107,10 @@ impl<'a> Writer<'a> {
                 called[*function] = true;
             }
         };
-        self.model
-            .quantities
-            .iter()
-            .flat_map(|quantity| quantity.kind.expressions())
-            .for_each(|expr| expr.each(&mut look));
-        for event in &self.model.events {
-            event.trigger.each(&mut look);
-            event.assignments.iter().for_each(|(_, value)| value.each(&mut look));
-        }
-        self.model.functions.iter().for_each(|function| function.body.each(&mut look));
+        let of_quantities = self.model.quantities.iter().flat_map(|quantity| quantity.kind.expressions());
+        let of_events = self.model.events.iter().flat_map(Event::expressions);
+        let of_functions = self.model.functions.iter().map(|function| &function.body);
+        of_quantities.chain(of_events).chain(of_functions).for_each(|expr| expr.each(&mut look));
         let names = self.names;
         let called: Vec<usize> = (0..called.len()).filter(|function| called[*function]).collect();
         if !called.is_empty() {

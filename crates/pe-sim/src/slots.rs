@@ -37,11 +37,7 @@ impl Slots {
     /// Puts values of one kind in a row, in the order of what they belong to: equations that differ only in their
     /// indices then read rows as well. Values of a column that differ in `kind` have entries of their own; `copies` says
     /// whether a chain gives its only operand as it is, or as it is moved.
-    pub fn new(
-        graph: &StepGraph,
-        kind: impl Fn(ValueId) -> i32,
-        copies: impl Fn(ChainId, &Chain) -> bool,
-    ) -> Slots {
+    pub fn new(graph: &StepGraph, kind: impl Fn(ValueId) -> i32, copies: impl Fn(ChainId, &Chain) -> bool) -> Slots {
         let mut slots = Slots::in_rows(graph, kind, (1, 0, |_, row| (row, false)));
         slots.rows = Rows::of(graph, |value| slots.of(value), copies);
         slots.copies = slots.copied(graph);

@@ -101,7 +101,7 @@ impl<'a> Finer<'a> {
     }
 
     /// Goes on by a step of the design; none if it diverges.
-    fn step(&mut self, step: u64) -> Option<&[f64]> {
+    fn step(&mut self, step: u64) -> Option<Vec<f64>> {
         for part in 0..self.parts {
             // Inputs as they are in the middle, which is right to second order.
             let [begin, middle] = [0.0, 0.5].map(|at| self.model.time(step * self.parts + part, at));
@@ -109,7 +109,7 @@ impl<'a> Finer<'a> {
             let states = self.largest.iter_mut().zip(self.run.states());
             states.for_each(|(largest, state)| *largest = largest.max(state.abs()));
         }
-        Some(self.run.states())
+        Some(self.run.states().collect())
     }
 }
 

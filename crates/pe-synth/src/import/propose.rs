@@ -5,7 +5,7 @@ use pe_flow::pipeline;
 use pe_flow::settings::MappingOptions;
 use pe_flow::watch::Stopwatch;
 use pe_import::expr::{Callee, Expr};
-use pe_import::model::{Kind, Model as Foreign};
+use pe_import::model::{Event, Model as Foreign};
 use pe_import::{Imported, Setting};
 use pe_ir::model::{Model, Solver};
 use pe_judge::DesignPoint;
@@ -29,8 +29,10 @@ const REFINED_STEPS: f64 = 20_000.0;
 /// The same where something is read that was some time ago: each step of that time takes a word and a move.
 const PAST_STEPS: f64 = 500.0;
 
-/// Parts of an interval that delays and times of events may ask for, at most: delays must be whole steps.
+/// Parts of an interval that delays and times of events may ask for, at most, and steps that a span may have for delays, which
+/// must be whole steps.
 const DELAY_PARTS: u64 = 1_000_000;
+const DELAY_STEPS: f64 = 1e7;
 const TIME_PARTS: u64 = 2_000;
 
 /// Largest step of `rk4` times the fastest rate: well within what is stable, and accurate.
@@ -68,7 +70,7 @@ pub fn setting(imported: &Imported, asked: &Asked, name: &str) -> Result<Setting
     let run = imported.model.run;
     let span = asked.span.or(run.span).unwrap_or(USUAL_SPAN);
     let interval = asked.interval.or(run.interval).unwrap_or(span);
-    let events = Events::of(&imported.model, interval);
+    let events = Events::of(&imported.model, interval, span);
     let fewest = match (events.cross, events.refine, events.past) {
         (true, _, false) => EVENT_STEPS,
         (true, _, true) => REFINED_STEPS,
@@ -129,29 +131,33 @@ struct Events {
     cross: bool,
     /// Whether the time of one within a step is found.
     refine: bool,
-    /// Whether something is read that was some time ago.
+    /// Whether an equation reads what was some time ago.
     past: bool,
     /// A number of parts of the interval between results, of which steps are a part, too.
     parts: u64,
 }
 
 impl Events {
-    fn of(model: &Foreign, interval: f64) -> Events {
+    fn of(model: &Foreign, interval: f64, span: f64) -> Events {
+        let most = DELAY_PARTS.min((DELAY_STEPS * interval / span) as u64);
         let mut events = Events { cross: false, refine: false, past: false, parts: 1 };
         for event in &model.events {
             events.cross |= event.crosses(model) && !event.refines();
             events.refine |= event.crosses(model) && event.refines();
-            if let Some(delay) = event.delay.as_ref().and_then(|delay| known(model, delay)) {
-                events.fit(delay / interval, DELAY_PARTS);
+            if let Some(delay) = event.delay.as_ref().and_then(|delay| model.known(delay)) {
+                events.fit(delay / interval, most);
             }
         }
-        for expr in model.quantities.iter().flat_map(|quantity| quantity.kind.expressions()) {
+        let equations =
+            model.quantities.iter().flat_map(|quantity| quantity.kind.expressions()).map(|expr| (expr, true));
+        for (expr, moves) in equations.chain(model.events.iter().flat_map(Event::expressions).map(|expr| (expr, false)))
+        {
             expr.each(&mut |part| {
                 if let Expr::Call(Callee::Past, members) = part
-                    && let Some(delay) = known(model, &members[1])
+                    && let Some(delay) = model.known(&members[1])
                 {
-                    events.past = true;
-                    events.fit(delay / interval, DELAY_PARTS);
+                    events.past |= moves;
+                    events.fit(delay / interval, most);
                 }
             });
         }
@@ -159,7 +165,7 @@ impl Events {
             event.trigger.each(&mut |part| {
                 if let Expr::Compare(_, sides) = part
                     && let (Expr::Time, time) | (time, Expr::Time) = &**sides
-                    && let Some(time) = known(model, time)
+                    && let Some(time) = model.known(time)
                 {
                     events.fit(time / interval, TIME_PARTS);
                 }
@@ -180,26 +186,6 @@ impl Events {
         if let Some(parts) = tried.into_iter().take_while(|parts| *parts <= most).find(|parts| whole(*parts)) {
             self.parts = parts;
         }
-    }
-}
-
-/// The value of an expression that is the same during the run, if it is simple.
-fn known(model: &Foreign, expr: &Expr) -> Option<f64> {
-    match expr {
-        Expr::Number(value, _) => Some(*value),
-        Expr::Name(read) => match &model.quantities[*read].kind {
-            Kind::Constant(value) => known(model, value),
-            _ => None,
-        },
-        Expr::Sum(members) => members.iter().try_fold(0.0, |sum, (negative, member)| {
-            let value = known(model, member)?;
-            Some(if *negative { sum - value } else { sum + value })
-        }),
-        Expr::Product(members) => members.iter().try_fold(1.0, |product, (inverse, member)| {
-            let value = known(model, member)?;
-            Some(if *inverse { product / value } else { product * value })
-        }),
-        _ => None,
     }
 }
 

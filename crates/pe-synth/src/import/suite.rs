@@ -160,7 +160,9 @@ fn refusal(failure: &Failure) -> Outcome {
     if errors.iter().all(|finding| finding.code.starts_with("E11")) {
         Outcome::Unexpressed(reasons)
     } else {
-        Outcome::Refused(reasons.join("; "))
+        let more = reasons.len() - 1;
+        let more = if more > 0 { format!("; and {more} more") } else { String::new() };
+        Outcome::Refused(format!("{}{more}", reasons[0]))
     }
 }
 

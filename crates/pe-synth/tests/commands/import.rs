@@ -79,6 +79,46 @@ fn results_that_agree_give_zero_and_others_four() {
     assert!(fs::read_to_string(&spec).unwrap().contains("S' = -k*S\n"));
 }
 
+/// A delay of 1.3 s, wherever it stands, divides no decimal part of a span of three seconds.
+#[test]
+fn proposed_steps_divide_delays_in_functions_and_in_events() {
+    let home = folder("delays");
+    let (model, spec) = (home.join("late.xml"), home.join("late.spec"));
+    let delay = "<apply><ci>over</ci><cn>0.325</cn><ci>k</ci></apply>";
+    let past = format!(
+        "<apply><csymbol encoding=\"text\" definitionURL=\"http://www.sbml.org/sbml/symbols/delay\">delay</csymbol>\
+        <ci>S</ci>{delay}</apply>"
+    );
+    let math = |text: &str| format!("<math xmlns=\"http://www.w3.org/1998/Math/MathML\">{text}</math>");
+    let function = math(
+        "<lambda><bvar><ci>x</ci></bvar><bvar><ci>y</ci></bvar>\
+        <apply><times/><ci>x</ci><apply><power/><ci>y</ci><cn type=\"integer\">-1</cn></apply></apply></lambda>",
+    );
+    let trigger = math("<apply><lt/><ci>S</ci><cn>0.5</cn></apply>");
+    let event = |delay: &str, value: &str| {
+        format!(
+            "<listOfEvents><event useValuesFromTriggerTime=\"true\"><trigger initialValue=\"false\" persistent=\"true\">\
+            {trigger}</trigger>{delay}<listOfEventAssignments><eventAssignment variable=\"S\">{}</eventAssignment>\
+            </listOfEventAssignments></event></listOfEvents></model>",
+            math(value)
+        )
+    };
+    let functions = format!(
+        "<listOfFunctionDefinitions><functionDefinition id=\"over\">{function}</functionDefinition>\
+        </listOfFunctionDefinitions><listOfParameters>"
+    );
+    let decay =
+        DECAY.replace("<listOfParameters>", &functions).replace("id=\"k\" value=\"1\"", "id=\"k\" value=\"0.25\"");
+    let waits = format!("<delay>{}</delay>", math(delay));
+    for event in [event(&waits, "<cn>1</cn>"), event("", &past)] {
+        fs::write(&model, decay.replace("</model>", &event)).unwrap();
+        let output = import(&model, &["-o", spec.to_str().unwrap(), "--span", "3s"]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let sim = Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(["sim", "--double"]).arg(&spec).output().unwrap();
+        assert!(sim.status.success(), "{}", text(&sim.stderr));
+    }
+}
+
 #[test]
 fn a_suite_is_told_by_kind_and_reason() {
     let home = folder("suite");
