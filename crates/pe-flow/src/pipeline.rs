@@ -21,6 +21,7 @@ use pe_hls::schedule::Bound;
 use pe_hls::step::StepOptions;
 use pe_hls::sums;
 use pe_ir::graph::StepGraph;
+use pe_ir::index;
 use pe_ir::model::Model;
 use pe_ir::schedule::Schedule;
 use pe_ir::source::Diagnostic;
@@ -254,6 +255,9 @@ fn given_mapping(
     Ok((Some(file.clone()), Some(file.pes())))
 }
 
+/// How often the default number of PEs is doubled for rings to find room.
+const MORE_PES: u32 = 4;
+
 /// Designs the network for a step graph whose formats are settled. Mappings and schedules that are known are not looked for
 /// again. The design's step may have relays beside it, and rings in place of long rows of past words.
 ///
@@ -271,9 +275,21 @@ pub fn implement(
     let Some((of_rings, judged_rings)) = rings::with_rings(&loaded.model, graph, judged, mapping_options) else {
         return implement_step(loaded, graph, judged, network, mapping_options, known, watch);
     };
-    match implement_step(loaded, &of_rings, &judged_rings, network.clone(), mapping_options, known, watch) {
-        // Rings take powers of two of words, for which a memory may be too small.
+    let in_rings = |network: Network, watch: &mut Stopwatch| {
+        implement_step(loaded, &of_rings, &judged_rings, network, mapping_options, known, watch)
+    };
+    match in_rings(network.clone(), watch) {
+        // Rings take powers of two of words, for which the memories of so few PEs may be too small.
         Err(Failure::Usage(_)) if network.given.is_none() => {
+            let least = mapping::default_pes(&of_rings, Latency::of(&judged.fixed.format));
+            let most = index::number(of_rings.equations.len());
+            let more =
+                (1..=MORE_PES).map(|doubled| least << doubled).filter(|pes| network.pes.is_none() && *pes <= most);
+            for pes in more {
+                if let Ok(design) = in_rings(Network { pes: Some(pes), ..network.clone() }, watch) {
+                    return Ok(Design { default_pes: true, ..design });
+                }
+            }
             implement_step(loaded, graph, judged, network, mapping_options, known, watch)
         }
         other => other,

@@ -10,6 +10,7 @@ use crate::support::written::{compiled, next, rows};
 use pe_ir::model::{Model, Solver};
 use pe_sim::error::Trajectory;
 use pe_sim::reference::{self, TOLERANCE};
+use serde_json::Value;
 
 /// The solution of `x' = -x(t - delay)` that is 1 up to time zero: a polynomial from one multiple of the delay to the next.
 fn exact(time: f64, delay: f64) -> f64 {
@@ -370,4 +371,19 @@ fn long_delays_go_onto_any_number_of_pes() {
             }
         }
     }
+}
+
+/// Rings of 32,768 words have no room in one PE: they go onto two, and no rows of 16,400 words are made.
+#[test]
+fn delays_of_many_steps_take_as_many_pes_as_their_rings_need() {
+    let folder = Folder::new("delays_many");
+    let text = "model many\nsolver rk4\nstep 60 us\nspan 1 s\nstate x = 1\nx' = -x(t - 0.984)\noutput x\n";
+    fs::write(folder.0.join("many.spec"), text).unwrap();
+    let compile = "compile many.spec --quiet --no-pictures --proof off -o out";
+    let output = Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(compile.split(' ')).current_dir(&folder.0).output();
+    let output = output.unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: Value = serde_json::from_str(&fs::read_to_string(folder.0.join("out/report.json")).unwrap()).unwrap();
+    assert!(report["pes"].as_u64().unwrap() <= 4 && report["pes_default"] == true, "{report}");
+    assert!(report["cycles_per_step"].as_u64().unwrap() < 50, "{report}");
 }
