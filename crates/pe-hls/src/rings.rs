@@ -64,17 +64,19 @@ pub fn rings(graph: &StepGraph, fixed: &FixedPoint, choice: Choice) -> Option<Ri
     let mut plan = Plan::default();
     for row in rows.rows.iter().filter(|row| row.len() > 1) {
         let oldest = row.iter().map(|member| rows.age[*member]).max().unwrap_or(0);
-        let words = index_bits(oldest + 1);
-        if words > MOST_BITS {
+        let bits = index_bits(oldest + 1);
+        if bits > MOST_BITS {
             continue;
         }
         let read: Vec<StateId> = row.iter().copied().filter(|member| !readers[*member].is_empty()).collect();
         let mut equations: Vec<EquationId> = read.iter().flat_map(|member| readers[*member].iter().copied()).collect();
         equations.sort_unstable();
         equations.dedup();
-        let words = 1u64 << words;
+        let words = 1u64 << bits;
         let chains = PRODUCT * (row.len() as u64 - 1);
-        let copies = one(fixed).map(|_| RING + PRODUCT * read.len() as u64 + words);
+        // A copy that is swapped with each step has no place beside half a memory.
+        let fits = !graph.swaps() || bits < MOST_BITS;
+        let copies = one(fixed).filter(|_| fits).map(|_| RING + PRODUCT * read.len() as u64 + words);
         let direct = RING + words * (1 + equations.len() as u64);
         let (ring, copies) = match (choice, copies) {
             (Choice::Copies, copies) => (true, copies.is_some()),
