@@ -114,7 +114,7 @@ impl<'a> DoubleRun<'a> {
     }
 
     /// All states at the start of the next step, those of the model first.
-    pub fn states(&self) -> impl Iterator<Item = f64> {
+    pub fn states(&self) -> impl ExactSizeIterator<Item = f64> {
         self.states.clone().map(|slot| self.past.number(self.slots.rows(), slot, &self.values))
     }
 

@@ -120,7 +120,7 @@ impl Course {
                 }
                 // So small that it stays a difference, and larger than rounding.
                 let part = SIZE / size.max(f64::MIN_POSITIVE);
-                for state in (0..base.states().count()).map(StateId::at) {
+                for state in (0..base.states().len()).map(StateId::at) {
                     let own = base.state(state);
                     run.set_state(state, own + part * model.difference(state, run.state(state), own));
                 }
